@@ -1,0 +1,23 @@
+"""Forces on objects buried in grains: from a short case file to averages with error bars."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from liftdrag.case import Case, load
+    from liftdrag.run import Result, run
+
+__version__ = "0.1.0"
+__all__ = ["Case", "Result", "load", "run"]
+
+_HOMES = {"Case": "liftdrag.case", "load": "liftdrag.case"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names when they are first used, so that `--help` answers at once."""
+    if name not in __all__:
+        raise AttributeError(f"module 'liftdrag' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES.get(name, "liftdrag.run")), name)

@@ -1,0 +1,1 @@
+"""From series to answers: steady window, error bars, coefficients."""

@@ -1,0 +1,62 @@
+"""An answer: a mean, its standard error and its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import hypot
+from typing import Any
+
+from liftdrag.analysis.errorbars import Average
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """`mean` and `standard_error` in `unit`.
+
+    `correlation_time` in seconds and the number of independent samples are None
+    where the quantity is not the average of one series.
+    """
+
+    mean: float
+    standard_error: float
+    unit: str
+    correlation_time: float | None
+    n_independent: float | None
+    converged: bool
+
+    @classmethod
+    def of(cls, average: Average, unit: str) -> Quantity:
+        """The quantity of an average over a series."""
+        return cls(
+            average.mean,
+            average.standard_error,
+            unit,
+            average.correlation_time,
+            average.n_independent,
+            average.converged,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The quantity as `result.json` holds it."""
+        return asdict(self)
+
+
+def ratio(force: Quantity, scale: float, divisors: Sequence[Quantity], unit: str) -> Quantity:
+    """scale x force / (the product of the divisors), their errors taken as independent.
+
+    The correlation time and the independent samples are those of `force`.
+    """
+    factor = scale
+    for divisor in divisors:
+        factor /= divisor.mean
+    mean = factor * force.mean
+    others = [mean * divisor.standard_error / divisor.mean for divisor in divisors]
+    return Quantity(
+        mean,
+        hypot(factor * force.standard_error, *others),
+        unit,
+        force.correlation_time,
+        force.n_independent,
+        force.converged and all(divisor.converged for divisor in divisors),
+    )

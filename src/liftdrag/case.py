@@ -1,0 +1,206 @@
+"""A case file (TOML) into a checked `Scene`."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, NoReturn, get_args
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from liftdrag.errors import CaseError, InputError
+from liftdrag.scene import SCENES, TankScene
+from liftdrag.scene.quantities import Length
+
+MAX_BYTES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case file as read: its name, its text and its tables; `scene` checks and resolves them."""
+
+    name: str
+    tables: Mapping[str, Any]
+
+    @cached_property
+    def scene(self) -> TankScene:
+        """The checked scene, in SI units. Raises InputError, a sentence for each wrong key."""
+        return _scene(self.tables)
+
+    def set(self, key: str, value: object) -> Case:
+        """A new case in which the dotted `key` ("intruder.depth") has `value` ("8 D")."""
+        tables = copy.deepcopy(dict(self.tables))
+        *path, last = _split(key)
+        table = tables
+        for name in path:
+            table = table.setdefault(name, {})
+            if not isinstance(table, dict):
+                raise CaseError(key, None, f"{name} is not a table of the case", _see_schema())
+        table[last] = value
+        return Case(self.name, tables)
+
+
+def load(case: str | Path) -> Case:
+    """The case of a path, or a packaged one by its name ("quick"). Raises InputError."""
+    path = Path(case)
+    if path.suffix == ".toml" or path.is_file():
+        return Case(path.stem, _parse(_read(path), str(path)))
+    packaged_cases = packaged()
+    if str(case) not in packaged_cases:
+        raise InputError(f"There is no case {str(case)!r}: {_nearest_case(str(case))}")
+    return Case(str(case), _parse(packaged_cases[str(case)].read_text("utf-8"), str(case)))
+
+
+def packaged() -> dict[str, Traversable]:
+    """The packaged cases: name -> file."""
+    return dict(sorted(_walk(resources.files("liftdrag.cases"), "")))
+
+
+def with_settings(case: Case, settings: list[str]) -> Case:
+    """The case after command-line settings KEY=VALUE; a VALUE that is not TOML is text."""
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals:
+            raise InputError(f"--set {setting!r} has no '='; write --set KEY=VALUE.")
+        case = case.set(key.strip(), _value(text.strip()))
+    return case
+
+
+def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, Traversable]]:
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _walk(entry, f"{prefix}{entry.name}/")
+        elif entry.name.endswith(".toml"):
+            yield prefix + entry.name.removesuffix(".toml"), entry
+
+
+def _nearest_case(name: str) -> str:
+    close = difflib.get_close_matches(name, packaged(), n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}'liftdrag cases' lists the packaged ones, and a path should end in .toml."
+
+
+def _read(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path} is larger than {MAX_BYTES} bytes, no case file; check it.")
+        return path.read_text("utf-8")
+    except OSError as error:
+        raise InputError(f"The case {path} cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise InputError(f"The case {path} is not UTF-8 text; is it a case file?") from None
+
+
+def _parse(text: str, name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"The case {name} is not TOML: {error}.") from None
+    except RecursionError:
+        raise InputError(f"The case {name} is nested too deeply; is it a case file?") from None
+
+
+def _split(key: str) -> list[str]:
+    names = key.split(".")
+    if not all(names) or len(names) > 4:
+        raise CaseError(key, None, "this is not a key of a case file", _see_schema())
+    return names
+
+
+def _value(text: str) -> object:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text
+    return parsed["value"] if parsed.keys() == {"value"} else text
+
+
+def _see_schema(scene: str = "tank") -> str:
+    return f"'liftdrag schema {scene}' lists the keys"
+
+
+def _scene(tables: Mapping[str, Any]) -> TankScene:
+    model = _model(tables)
+    try:
+        return model.model_validate(dict(tables), context=_diameters(tables))
+    except ValidationError as error:
+        sentences = [_sentence(detail, model) for detail in error.errors()]
+        raise _joined(sentences) from None
+
+
+def _joined(errors: list[InputError]) -> InputError:
+    return errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
+
+
+def _model(tables: Mapping[str, Any]) -> type[TankScene]:
+    name = tables.get("scene")
+    if not isinstance(name, str) or name not in SCENES:
+        known = ", ".join(map(repr, SCENES))
+        raise CaseError("scene", name, "this names no scene", f"choose one of {known}")
+    return SCENES[name]
+
+
+def _diameters(tables: Mapping[str, Any]) -> dict[str, float]:
+    """The two diameters that other lengths are multiples of, as far as they are readable."""
+    known: dict[str, float] = {}
+    for symbol, table in (("d", "grains"), ("D", "intruder")):
+        part = tables.get(table)
+        if isinstance(part, dict) and "diameter" in part:
+            known[symbol] = _diameter(f"{table}.diameter", part["diameter"], known)
+    return known
+
+
+def _diameter(key: str, value: object, known: dict[str, float]) -> float:
+    try:
+        return float(TypeAdapter(Length).validate_python(value, context=known))
+    except ValidationError as error:
+        _refuse(key, value, error.errors()[0])
+
+
+def _refuse(key: str, value: object, detail: ErrorDetails) -> NoReturn:
+    problem, remedy = _words(detail)
+    raise CaseError(key, value, problem, remedy)
+
+
+def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> InputError:
+    error = detail.get("ctx", {}).get("error")
+    if isinstance(error, CaseError):
+        return error
+    key = ".".join(map(str, detail["loc"]))
+    if detail["type"] == "extra_forbidden":
+        return CaseError(key, None, "this key is unknown", _did_you_mean(key, model))
+    if detail["type"] == "missing":
+        return CaseError(
+            key, None, "this key is missing", "add it: nothing that the answer depends on is guessed"
+        )
+    problem, remedy = _words(detail)
+    return CaseError(key, detail["input"], problem, remedy)
+
+
+def _words(detail: ErrorDetails) -> tuple[str, str]:
+    error = detail.get("ctx", {}).get("error")
+    text = str(error) if error else detail["msg"].replace("Input should be", "this should be")
+    problem, _, remedy = text.partition("; ")
+    return problem, remedy or _see_schema()
+
+
+def _did_you_mean(key: str, model: type[BaseModel]) -> str:
+    close = difflib.get_close_matches(key, list(keys(model)), n=1, cutoff=0.5)
+    return f"did you mean {close[0]}" if close else _see_schema()
+
+
+def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """Every dotted key of a scene's case file."""
+    for name, field in model.model_fields.items():
+        yield prefix + name
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from keys(kind, f"{prefix}{name}.")

@@ -1,0 +1,244 @@
+"""Scene, numerics and packed bed into a `Deck`: the finished texts that an engine runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from liftdrag import granular, hertz
+from liftdrag.granular import GRAVITY
+from liftdrag.numerics import Numerics
+from liftdrag.packing import Container, random_bed, square_layer
+from liftdrag.scene import TankScene
+from liftdrag.scene.tank import FLOOR
+
+ALLOWED = frozenset(
+    """atom_modify atom_style boundary comm_modify compute dump dump_modify fix group if
+    neigh_modify neighbor newton pair_coeff pair_style print processors read_data region
+    reset_timestep run thermo thermo_modify thermo_style timestep unfix units variable
+    velocity write_dump""".split()
+)
+"""The only engine commands a deck may hold: none that runs programs or reads other files."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a deck promises: where the engine starts, its stages' steps, and the files it leaves.
+
+    `series` names each output file and its channels with their units; a row
+    comes every `row_every` steps of `time_step` seconds.
+    """
+
+    start: str
+    ranks: int
+    time_step: float
+    stages: Mapping[str, int]
+    row_every: int
+    series: Mapping[str, Mapping[str, str]]
+
+
+@dataclass(frozen=True)
+class Deck:
+    """The finished texts of a run by file name, and the plan that they carry out."""
+
+    texts: Mapping[str, str]
+    plan: Plan
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the texts and their names."""
+        joined = json.dumps(sorted(self.texts.items()))
+        return hashlib.sha256(joined.encode()).hexdigest()
+
+    def write(self, folder: Path) -> None:
+        """Write the texts into `folder`, which is made when it does not exist."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in self.texts.items():
+            (folder / name).write_text(text, "utf-8")
+
+
+def build(scene: TankScene, numerics: Numerics, name: str, version: str, ranks: int = 1) -> Deck:
+    """The LAMMPS deck of a tank. Raises ValueError when the grains cannot be packed."""
+    positions, types = _bed(scene)
+    context = _context(scene, numerics) | {
+        "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
+        "version": version,
+        "ranks": ranks,
+    }
+    texts = {
+        "in.tank": render("lammps/tank.in.j2", context),
+        "grains.data": _data_file(scene, positions, types),
+    }
+    check_commands(texts["in.tank"])
+    return Deck(texts, _plan(numerics, ranks))
+
+
+def _plan(numerics: Numerics, ranks: int) -> Plan:
+    return Plan(
+        start="in.tank",
+        ranks=ranks,
+        time_step=numerics.time_step.value,
+        stages={
+            "settle": numerics.settle_steps_max.value,
+            "drive": numerics.drive_steps.value,
+        },
+        row_every=numerics.row_every.value,
+        series={
+            "forces.dat": {"drag": "N", "lift": "N"},
+            "bed.dat": {"bed_speed": "m/s", "solid_fraction": "1", "overburden": "Pa"},
+        },
+    )
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.FunctionLoader(template),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+
+
+def template(name: str) -> str:
+    """The text of a packaged template."""
+    return (resources.files("liftdrag.templates") / name).read_text("utf-8")
+
+
+def render(name: str, context: Mapping[str, Any]) -> str:
+    """A template filled in; a name that the context lacks raises jinja2.UndefinedError."""
+    return _environment().get_template(name).render(context)
+
+
+def check_commands(text: str) -> None:
+    """Raise ValueError when a line's command is not in `ALLOWED`."""
+    for line in text.splitlines():
+        words = line.split("#")[0].split()
+        if words and words[0] not in ALLOWED:
+            raise ValueError(f"the deck would run the command {words[0]!r}, which is not allowed")
+
+
+def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (n, 3) in metres and types (n,): grains 1, bottom layer 2, lid 3."""
+    d, box = scene.grains.diameter, scene.tank
+    length, thickness, height = box.length / d, box.thickness / d, box.height / d
+    bottom = square_layer(length, thickness, 0.5)
+    container = Container(
+        length=length,
+        thickness=thickness,
+        bottom=FLOOR,
+        top=height,
+        axis=(scene.axis_x / d, scene.axis_height / d),
+        radius=scene.intruder.diameter / d / 2.0,
+        floor=bottom,
+    )
+    grains = random_bed(container, scene.grain_count, np.random.default_rng(scene.seed))
+    layers = [grains, bottom]
+    if scene.lid is not None:
+        layers.append(square_layer(length, thickness, height + 0.5))
+    types = np.repeat(np.arange(1, len(layers) + 1), [len(layer) for layer in layers])
+    return np.concatenate(layers) * d, types
+
+
+def _headroom(scene: TankScene) -> float:
+    return scene.tank.height + 10.0 * scene.grains.diameter + 3.0 * scene.intruder.diameter
+
+
+def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> str:
+    grains, box = scene.grains, scene.tank
+    density = np.full(len(types), grains.density)
+    if scene.lid is not None:
+        density[types == 3] *= scene.lid.density_ratio
+    out = StringIO()
+    out.write("Grains packed by liftdrag: id type diameter density x y z\n\n")
+    out.write(f"{len(types)} atoms\n{types.max()} atom types\n")
+    out.write(f"0 {box.length:.12g} xlo xhi\n0 {box.thickness:.12g} ylo yhi\n")
+    out.write(f"0 {_headroom(scene):.12g} zlo zhi\n\nAtoms # sphere\n\n")
+    rows = np.column_stack(
+        [np.arange(1, len(types) + 1), types, np.full(len(types), grains.diameter), density]
+    )
+    np.savetxt(out, np.column_stack([rows, positions]), fmt="%d %d %.12g %.12g %.15g %.15g %.15g")
+    return out.getvalue()
+
+
+def _context(scene: TankScene, numerics: Numerics) -> dict[str, Any]:
+    context = _material(scene) | _geometry(scene) | _far_field(scene) | _steps(numerics)
+    return {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
+
+
+def _plain(value: Any) -> Any:
+    return f"{value:.10g}" if isinstance(value, float) and value else value
+
+
+def _material(scene: TankScene) -> dict[str, Any]:
+    grains, lid = scene.grains, scene.lid
+    radius, cylinder = grains.diameter / 2.0, scene.intruder.diameter / 2.0
+    return {
+        "youngs_modulus": grains.youngs_modulus,
+        "wall_modulus": hertz.modulus_as_on_plane(grains.youngs_modulus, radius, cylinder),
+        "poisson_ratio": grains.poisson_ratio,
+        "restitution": grains.restitution,
+        "friction": grains.friction,
+        "tangential_damping": hertz.tangential_damping(grains.poisson_ratio),
+        "bulk_gravity": scene.bulk_gravity,
+        "lid": lid is not None,
+        "lid_gravity": GRAVITY,
+        "lid_ratio": 1.0 if lid is None else lid.density_ratio,
+    }
+
+
+def _geometry(scene: TankScene) -> dict[str, Any]:
+    return {
+        "axis_x": scene.axis_x,
+        "axis_z": scene.axis_height,
+        "cylinder_radius": scene.intruder.diameter / 2.0,
+        "drive_speed": scene.drive.speed,
+    }
+
+
+def _far_field(scene: TankScene) -> dict[str, Any]:
+    """The far field about the cylinder's height, clear of the surface and the bottom layer."""
+    grains, box = scene.grains, scene.tank
+    d, length = grains.diameter, scene.far_length
+    low, high = scene.far_band
+    lid_weight = 0.0
+    if scene.lid is not None:
+        layer = len(square_layer(box.length / d, box.thickness / d, 0.0))
+        lid_mass = scene.lid.density_ratio * grains.mass
+        lid_weight = layer * lid_mass * GRAVITY / (box.length * box.thickness)
+    return {
+        "far_x": length,
+        "far_low": low,
+        "far_high": high,
+        "far_volume": length * box.thickness * (high - low),
+        "far_area": length * box.thickness,
+        "grain_volume": granular.sphere_volume(d),
+        "grain_weight": grains.mass * scene.bulk_gravity,
+        "lid_pressure": lid_weight,
+    }
+
+
+def _steps(numerics: Numerics) -> dict[str, Any]:
+    x, y, z = numerics.processors.value
+    names = (
+        "time_step settle_damping settle_energy settle_steps settle_steps_max drive_steps "
+        "sample_every row_every snapshot_every progress_every skin sort_every"
+    ).split()
+    values = {name: getattr(numerics, name).value for name in names}
+    return values | {
+        "samples": numerics.row_every.value // numerics.sample_every.value,
+        "processors": f"{x} {y} {z}",
+    }

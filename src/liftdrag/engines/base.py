@@ -1,0 +1,55 @@
+"""What every engine offers: run a deck in a folder, and read what it left there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn, Protocol
+
+from liftdrag.deck import Plan
+from liftdrag.series import Series
+from liftdrag.snapshot import Snapshot
+
+Progress = Callable[[str, int, int], None]
+"""Called with the stage's name, the steps done and the steps planned."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended, decided from evidence; `status` is "finished" or the reason in a word."""
+
+    status: str
+    reason: str
+    evidence: str
+    version: str
+    ranks: int
+    steps: int
+    grains: int
+    loop_s: float
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time of the engine's loops, in seconds."""
+        return self.loop_s * self.ranks
+
+
+class Engine(Protocol):
+    """A program that runs decks."""
+
+    name: str
+
+    def join(self) -> NoReturn:
+        """As a rank other than 0 of an MPI job: take part in the run that rank 0 will start."""
+
+    def release(self) -> None:
+        """As rank 0 of an MPI job: tell the other ranks that there is nothing to run."""
+
+    def run(self, plan: Plan, folder: Path, progress: Progress) -> Outcome:
+        """Carry out the plan of a deck already written to `folder`."""
+
+    def series(self, plan: Plan, folder: Path) -> Series:
+        """The measured series of the drive stage."""
+
+    def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
+        """The beds of the drive stage, in order of time; the first is the settled bed."""

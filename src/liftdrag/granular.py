@@ -1,0 +1,37 @@
+"""Numbers of granular beds: solid fraction, inertial number, pressure of a lid, slip."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+GRAVITY = 9.81
+"""Acceleration of gravity, m/s^2."""
+
+
+def sphere_volume(diameter: float) -> float:
+    """Volume (m^3) of a sphere of `diameter` (m)."""
+    return pi * diameter**3 / 6.0
+
+
+def inertial_number(rate: float, diameter: float, pressure: float, density: float) -> float:
+    """I = rate d / sqrt(P / rho_g), of a shear rate (1/s) and a pressure (Pa)."""
+    return rate * diameter / sqrt(pressure / density)
+
+
+def lid_depth(diameter: float, lid_density: float, bulk_density: float) -> float:
+    """Height (m) of bed that weighs as much as a square monolayer of heavy grains.
+
+    (pi d / 6) rho* / rho, with rho the bulk density (Guillard et al. 2014, III A).
+    """
+    return pi * diameter / 6.0 * lid_density / bulk_density
+
+
+def grip(
+    drag_coefficient: float, depth: float, intruder: float, friction: float, reach: float
+) -> float:
+    """Share of the friction available at the driven layers that the drag takes up.
+
+    C_d h D / (mu_bulk H L_x): `reach` is H L_x (m^2), summed over the driven
+    layers as effective bed heights. Above one the layers slip under the bed.
+    """
+    return drag_coefficient * depth * intruder / (friction * reach)

@@ -1,0 +1,61 @@
+"""Scales of the Hertz contact of two like spheres: stiffness, times, overlaps."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+
+def effective_modulus(youngs_modulus: float, poisson_ratio: float) -> float:
+    """E* (Pa) of two bodies of one material: E / (2 (1 - nu^2))."""
+    return youngs_modulus / (2.0 * (1.0 - poisson_ratio**2))
+
+
+def stiffness(modulus: float, radius: float) -> float:
+    """k (N/m^1.5) in F = k overlap^1.5, of the effective modulus (Pa) and radius (m)."""
+    return 4.0 / 3.0 * modulus * sqrt(radius)
+
+
+def pair_stiffness(youngs_modulus: float, poisson_ratio: float, diameter: float) -> float:
+    """k (N/m^1.5) between two like spheres (Guillard et al. 2014, Table I)."""
+    return stiffness(effective_modulus(youngs_modulus, poisson_ratio), diameter / 4.0)
+
+
+def static_overlap(force: float, k: float) -> float:
+    """Overlap (m) that carries `force` (N) at stiffness `k` (N/m^1.5)."""
+    return (force / k) ** (2.0 / 3.0)
+
+
+def rayleigh_time(
+    diameter: float, density: float, youngs_modulus: float, poisson_ratio: float
+) -> float:
+    """Time (s) of a Rayleigh wave around a sphere: pi R sqrt(rho/G) / (0.1631 nu + 0.8766)."""
+    shear_modulus = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
+    wave = 0.1631 * poisson_ratio + 0.8766
+    return pi * diameter / 2.0 * sqrt(density / shear_modulus) / wave
+
+
+def hertz_time(k: float, mass: float, speed: float) -> float:
+    """Duration (s) of an elastic impact: 2.9432 a / v, a the largest overlap.
+
+    `mass` is the effective mass (kg), `speed` the closing speed (m/s).
+    """
+    overlap = (5.0 * mass * speed**2 / (4.0 * k)) ** 0.4
+    return 2.9432 * overlap / speed
+
+
+def tangential_damping(poisson_ratio: float) -> float:
+    """Ratio of tangential to normal damping, sqrt(2 (1 - nu) / (2 - nu)).
+
+    It turns a tangential damping proportional to the normal one into that of
+    Guillard et al. 2014, Table I: gamma_t = -sqrt(10/3) beta sqrt(m* k_t).
+    """
+    return sqrt(2.0 * (1.0 - poisson_ratio) / (2.0 - poisson_ratio))
+
+
+def modulus_as_on_plane(youngs_modulus: float, radius: float, cylinder_radius: float) -> float:
+    """Young's modulus (Pa) that undoes LAMMPS' curvature of a convex cylinder wall.
+
+    LAMMPS takes 1/R* = 1/R + 1/(2 R_c) at a cylindrical region; Table I of
+    Guillard et al. 2014 treats the cylinder as a plane, R* = R.
+    """
+    return youngs_modulus * sqrt((radius + 2.0 * cylinder_radius) / (2.0 * cylinder_radius))

@@ -1,0 +1,342 @@
+"""The numerics of a tank, derived from its scene alone, each value with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from math import ceil, pi, sqrt
+from typing import Generic, TypeVar
+
+from liftdrag import granular, hertz
+from liftdrag.granular import GRAVITY
+from liftdrag.scene import TankScene
+
+T = TypeVar("T")
+
+STEP_FRACTION = 0.15
+"""Time step over the smaller of the Rayleigh and Hertz times."""
+
+STEP_BOUND = 0.2
+"""The same ratio above which a time step set by hand is warned about."""
+
+SETTLED = 1e-4
+"""Kinetic energy per grain, over m g d, below which a bed is settled."""
+
+SKIN = 0.1
+"""Neighbour skin in grain diameters."""
+
+DRAG_COEFFICIENT = 10.0
+"""C_d expected in the simulations (Guillard et al. 2014, Fig. 8a)."""
+
+BULK_FRICTION = 0.36
+"""Friction of a sheared bed of frictional spheres, tan 20 degrees."""
+
+FRONT_STRESS = 15.0
+"""Stress in front of the cylinder over the confining pressure (Guillard et al. 2014, Fig. 11)."""
+
+QUASI_STATIC = 0.02
+"""Inertial number above which the forces, the lift first, depend on the speed."""
+
+SPEED_HINT = 3e6
+"""Grain-steps per second of one core, for the estimate of the cost."""
+
+
+@dataclass(frozen=True)
+class Value(Generic[T]):
+    """A derived value, its unit, and the reason for it."""
+
+    value: T
+    unit: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Every number that the deck needs and the scene does not say."""
+
+    rayleigh_time: Value[float]
+    hertz_time: Value[float]
+    time_step: Value[float]
+    settle_damping: Value[float]
+    settle_energy: Value[float]
+    settle_steps: Value[int]
+    settle_steps_max: Value[int]
+    drive_steps: Value[int]
+    sample_every: Value[int]
+    row_every: Value[int]
+    snapshot_every: Value[int]
+    progress_every: Value[int]
+    skin: Value[float]
+    sort_every: Value[int]
+    processors: Value[tuple[int, int, int]]
+    overlap_ratio: Value[float]
+    inertial_number: Value[float]
+    grip: Value[float]
+    grain_steps: Value[float]
+    core_hours: Value[float]
+    warnings: tuple[str, ...]
+
+    def rows(self) -> Iterator[tuple[str, Value]]:
+        """The values by name, in order."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, Value):
+                yield field.name, value
+
+
+def derive(scene: TankScene, ranks: int = 1) -> Numerics:
+    """The numerics of `scene` on `ranks` processes."""
+    rayleigh, impact = _rayleigh_time(scene), _hertz_time(scene)
+    step = _time_step(scene, rayleigh, impact)
+    dt = step.value
+    settle = _settling(scene, dt)
+    drive = _drive_steps(scene, dt)
+    sample = _sample_every(scene, impact.value, dt)
+    row = _row_every(scene, sample.value, dt)
+    grid = _processors(scene, ranks)
+    overlap, inertial, grip = _overlap_ratio(scene), _inertial_number(scene), _grip(scene)
+    cost = _grain_steps(scene, settle[1].value + drive.value)
+    return Numerics(
+        rayleigh_time=rayleigh,
+        hertz_time=impact,
+        time_step=step,
+        settle_damping=settle[0],
+        settle_energy=_settle_energy(scene),
+        settle_steps=settle[1],
+        settle_steps_max=settle[2],
+        drive_steps=drive,
+        sample_every=sample,
+        row_every=row,
+        snapshot_every=_snapshot_every(scene, drive.value),
+        progress_every=Value(
+            max(drive.value // 200, 1), "steps", "the log shows progress 200 times a run"
+        ),
+        skin=_skin(scene),
+        sort_every=Value(1000, "steps", "a bed moves as a block: its order in memory lasts"),
+        processors=grid,
+        overlap_ratio=overlap,
+        inertial_number=inertial,
+        grip=grip,
+        grain_steps=cost,
+        core_hours=Value(
+            cost.value / SPEED_HINT / 3600.0,
+            "h",
+            f"at {SPEED_HINT:.0e} grain-steps per second on one core",
+        ),
+        warnings=tuple(_warnings(scene, dt, rayleigh.value, impact.value, overlap, inertial, grip)),
+    )
+
+
+def pressure(scene: TankScene) -> float:
+    """Expected pressure (Pa) in the bed at the cylinder's axis, of grains and lid."""
+    density = _bulk_density(scene)
+    weight = density * scene.intruder.depth * scene.bulk_gravity
+    return weight + density * _lid_depth(scene) * GRAVITY
+
+
+def _bulk_density(scene: TankScene) -> float:
+    return 0.6 * scene.grains.density
+
+
+def _lid_depth(scene: TankScene) -> float:
+    if scene.lid is None:
+        return 0.0
+    grains = scene.grains
+    lid_density = scene.lid.density_ratio * grains.density
+    return granular.lid_depth(grains.diameter, lid_density, _bulk_density(scene))
+
+
+def _rayleigh_time(scene: TankScene) -> Value[float]:
+    g = scene.grains
+    time = hertz.rayleigh_time(g.diameter, g.density, g.youngs_modulus, g.poisson_ratio)
+    return Value(time, "s", "a Rayleigh wave's way around a grain")
+
+
+def _hertz_time(scene: TankScene) -> Value[float]:
+    grains = scene.grains
+    speed = max(scene.drive.speed, sqrt(2.0 * GRAVITY * grains.diameter))
+    time = hertz.hertz_time(grains.stiffness, grains.mass / 2.0, speed)
+    return Value(time, "s", f"an impact of two grains at {speed:.3g} m/s, the drive or a fall of d")
+
+
+def _time_step(scene: TankScene, rayleigh: Value[float], impact: Value[float]) -> Value[float]:
+    smaller = min(rayleigh.value, impact.value)
+    chosen = scene.numerics.time_step
+    if chosen is not None:
+        return Value(chosen, "s", f"set by hand: {chosen / smaller:.3f} of the smaller time")
+    step = float(f"{STEP_FRACTION * smaller:.3g}")
+    return Value(step, "s", f"{STEP_FRACTION} of the smaller of the Rayleigh and Hertz times")
+
+
+def _settling(scene: TankScene, dt: float) -> tuple[Value[float], Value[int], Value[int]]:
+    """Damping coefficient, least and most steps of the settling stage."""
+    rate = _breathing_rate(scene)
+    damping = Value(
+        scene.grains.mass * rate, "kg/s", f"the bed breathes at about {rate:.3g} rad/s: damp that"
+    )
+    period = 2.0 * pi / rate
+    chosen = scene.numerics.settle_time
+    least = chosen if chosen is not None else period
+    reason = "set by hand" if chosen is not None else "one period of the bed's breathing at least"
+    most = max(20.0 * period, 3.0 * least)
+    return (
+        damping,
+        Value(ceil(least / dt), "steps", reason),
+        Value(ceil(most / dt), "steps", "20 periods: a bed that still moves then is refused"),
+    )
+
+
+def _breathing_rate(scene: TankScene) -> float:
+    """Rate (rad/s) of the bed's slowest vertical wave: sqrt(load / (mass x sag))."""
+    grains, height = scene.grains, scene.tank.height
+    bed, lid = _bulk_density(scene) * height, _bulk_density(scene) * _lid_depth(scene)
+    load = bed * scene.bulk_gravity + lid * GRAVITY
+    force = (load - 0.5 * bed * scene.bulk_gravity) * grains.diameter**2
+    sag = hertz.static_overlap(force, grains.stiffness) / grains.diameter * height
+    return sqrt(load / ((bed + lid) * sag))
+
+
+def _settle_energy(scene: TankScene) -> Value[float]:
+    energy = SETTLED * scene.grains.mass * GRAVITY * scene.grains.diameter
+    speed = sqrt(2.0 * energy / scene.grains.mass)
+    return Value(
+        energy,
+        "J",
+        f"{SETTLED:g} m g d per grain, a speed of {speed / scene.drive.speed:.2g} U0: at rest",
+    )
+
+
+def _drive_steps(scene: TankScene, dt: float) -> Value[int]:
+    steps = ceil(scene.drive.distance / (scene.drive.speed * dt))
+    return Value(steps, "steps", "distance over speed over time step")
+
+
+def _sample_every(scene: TankScene, impact: float, dt: float) -> Value[int]:
+    chosen = scene.numerics.sample_every
+    if chosen is not None:
+        return Value(chosen, "steps", "set by hand")
+    return Value(max(int(impact / (2.5 * dt)), 1), "steps", "2.5 samples in the shortest contact")
+
+
+def _row_every(scene: TankScene, sample: int, dt: float) -> Value[int]:
+    target = 0.05 * scene.grains.diameter / (scene.drive.speed * dt)
+    return Value(
+        sample * max(round(target / sample), 1),
+        "steps",
+        "forces are averaged over 1/20 d of displacement, far less than they stay correlated",
+    )
+
+
+def _snapshot_every(scene: TankScene, drive_steps: int) -> Value[int]:
+    diameters = scene.drive.distance / scene.intruder.diameter
+    count = min(max(ceil(diameters / 2.0), 2), 10)
+    return Value(ceil(drive_steps / count), "steps", f"{count} snapshots of the bed, for its depth")
+
+
+def _skin(scene: TankScene) -> Value[float]:
+    chosen = scene.numerics.skin
+    if chosen is not None:
+        return Value(chosen, "m", "set by hand")
+    return Value(
+        float(f"{SKIN * scene.grains.diameter:.3g}"),
+        "m",
+        f"{SKIN} d: fewest pairs tested and lists built, measured",
+    )
+
+
+def _processors(scene: TankScene, ranks: int) -> Value[tuple[int, int, int]]:
+    length, thickness = scene.tank.length, scene.tank.thickness
+    grids = [(x, ranks // x, 1) for x in range(1, ranks + 1) if ranks % x == 0]
+    best = min(grids, key=lambda g: (g[0] * thickness + g[1] * length, -g[0]))
+    return Value(best, "ranks", "least surface between ranks; the free height is never split")
+
+
+def _overlap_ratio(scene: TankScene) -> Value[float]:
+    force = FRONT_STRESS * pressure(scene) * scene.grains.diameter**2
+    overlap = hertz.static_overlap(force, scene.grains.stiffness) / scene.grains.diameter
+    return Value(overlap, "d", f"in front of the cylinder, at {FRONT_STRESS:g} times the pressure")
+
+
+def _inertial_number(scene: TankScene) -> Value[float]:
+    rate = scene.drive.speed / scene.intruder.diameter
+    number = granular.inertial_number(
+        rate, scene.grains.diameter, pressure(scene), scene.grains.density
+    )
+    return Value(number, "1", "(U0/D) d / sqrt(P/rho_g), P the pressure at the axis")
+
+
+def _grip(scene: TankScene) -> Value[float]:
+    lid, height = _lid_depth(scene), scene.tank.height
+    bed = height if scene.bulk_gravity else 0.0
+    depth = pressure(scene) / (_bulk_density(scene) * GRAVITY)
+    share = granular.grip(
+        DRAG_COEFFICIENT,
+        depth,
+        scene.intruder.diameter,
+        BULK_FRICTION,
+        (bed + 2.0 * lid) * scene.tank.length,
+    )
+    return Value(share, "1", "expected drag over the friction at the driven layers; 1 slips")
+
+
+def _grain_steps(scene: TankScene, steps: int) -> Value[float]:
+    layers = 1 if scene.lid is None else 2
+    driven = layers * scene.tank.length * scene.tank.thickness / scene.grains.diameter**2
+    return Value((scene.grain_count + driven) * steps, "1", "grains times steps")
+
+
+def _warnings(
+    scene: TankScene,
+    dt: float,
+    rayleigh: float,
+    impact: float,
+    overlap: Value[float],
+    inertial: Value[float],
+    grip: Value[float],
+) -> Iterator[str]:
+    d, box, drive = scene.grains.diameter, scene.tank, scene.drive
+    if dt > STEP_BOUND * min(rayleigh, impact):
+        yield (
+            f"The time step set by hand, {dt:.3g} s, is above {STEP_BOUND} of the smaller of the "
+            f"Rayleigh and Hertz times ({min(rayleigh, impact):.3g} s): contacts may gain energy."
+        )
+    if inertial.value > QUASI_STATIC:
+        yield (
+            f"Not quasi-static: the inertial number is {inertial.value:.2g}, above {QUASI_STATIC}; "
+            "the forces, the lift first, depend on drive.speed."
+        )
+    if box.thickness < 8.0 * d:
+        yield (
+            f"The box is thin: tank.thickness is {box.thickness / d:.3g} d, the paper's 10 d; "
+            "a grain feels its periodic image."
+        )
+    if drive.distance > box.length:
+        yield (
+            f"The cylinder re-enters its own wake: drive.distance is {drive.distance:.4g} m, "
+            f"tank.length {box.length:.4g} m."
+        )
+    if grip.value > 0.5:
+        yield (
+            f"The driven layers may slip: the expected drag is {grip.value:.2g} of the friction "
+            "that they can pass on; lengthen the tank, and watch bed_speed_ratio."
+        )
+    if overlap.value > 0.05:
+        yield (
+            f"Soft grains: the expected overlap in front of the cylinder is {overlap.value:.2g} d, "
+            "above 0.05; raise grains.youngs_modulus."
+        )
+
+
+def explained(numerics: Numerics) -> str:
+    """The numerics as text, a line each: name, value, unit and reason; then the warnings."""
+    lines = [
+        f"{name:<17} {_shown(value.value):>12} {value.unit:<6} {value.reason}"
+        for name, value in numerics.rows()
+    ]
+    return "\n".join([*lines, *(f"WARNING: {warning}" for warning in numerics.warnings), ""])
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return " x ".join(map(str, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

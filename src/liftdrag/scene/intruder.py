@@ -1,0 +1,13 @@
+"""The object that the bed flows past."""
+
+from __future__ import annotations
+
+from liftdrag.scene.model import Part
+from liftdrag.scene.quantities import Length
+
+
+class Intruder(Part):
+    """A cylinder across the tank: its `diameter`, its centre's `depth` below the free surface."""
+
+    diameter: Length
+    depth: Length

@@ -1,0 +1,182 @@
+"""The tank: a bed of grains carried past a buried cylinder (Guillard et al. 2014, section III)."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from liftdrag import granular
+from liftdrag.errors import CaseError
+from liftdrag.scene.choices import Choices
+from liftdrag.scene.grains import Grains
+from liftdrag.scene.intruder import Intruder
+from liftdrag.scene.model import Part
+from liftdrag.scene.quantities import Length, Speed
+
+LID_DEPTH = 16.0
+"""Depth in intruder diameters at which the paper puts a lid; nearer, the lid is felt."""
+
+WAKE = 8.0
+"""Length in intruder diameters of the zone that the intruder disturbs."""
+
+SOLID_FRACTION = 0.59
+"""Solid fraction of the bed as packed; friction and gravity settle it to about 0.60."""
+
+FLOOR = 0.8
+"""Height in grain diameters at which the random bed begins, in the hollows of the bottom layer."""
+
+AXIS = 0.625
+"""Place of the cylinder along the tank's length."""
+
+FAR = 0.25
+"""Far field, [0, FAR] of the length: the quarter opposite the cylinder."""
+
+MAX_GRAINS = 20_000_000
+
+
+class TankBox(Part):
+    """The periodic `length` and `thickness`, and the `height` of the settled bed."""
+
+    length: Length
+    thickness: Length
+    height: Length
+
+
+class Lid(Part):
+    """A square monolayer of heavy grains on the bed, free to move vertically.
+
+    `density_ratio` is rho*/rho_g; without `bulk_gravity` only the lid has weight.
+    """
+
+    density_ratio: Annotated[float, Field(gt=1.0, le=1e4)]
+    bulk_gravity: bool
+
+
+class Drive(Part):
+    """The bottom layer (and the lid) move at `speed` along x, over `distance`."""
+
+    speed: Speed
+    distance: Length
+
+
+class TankScene(Part):
+    """Everything that the drag and the lift on the cylinder depend on. Lengths in metres."""
+
+    scene: Literal["tank"]
+    seed: Annotated[int, Field(ge=0, lt=2**31)]
+    grains: Grains
+    tank: TankBox
+    intruder: Intruder
+    lid: Lid | None = None
+    drive: Drive
+    numerics: Choices = Choices()
+
+    @property
+    def bulk_gravity(self) -> float:
+        """Gravity on the grains of the bed, m/s^2."""
+        return granular.GRAVITY if self.lid is None or self.lid.bulk_gravity else 0.0
+
+    @property
+    def axis_height(self) -> float:
+        """Height of the cylinder's axis above the tank's floor, m."""
+        return self.tank.height - self.intruder.depth
+
+    @property
+    def axis_x(self) -> float:
+        """Place of the cylinder's axis along the tank, m."""
+        return AXIS * self.tank.length
+
+    @property
+    def far_length(self) -> float:
+        """The far field is 0 <= x < this, m."""
+        return FAR * self.tank.length
+
+    @property
+    def far_band(self) -> tuple[float, float]:
+        """Heights (m) between which the far field is bulk: 2 D about the axis, clear of the ends."""
+        margin, reach = 3.0 * self.grains.diameter, 2.0 * self.intruder.diameter
+        low = max(self.axis_height - reach, margin)
+        return low, min(self.axis_height + reach, self.tank.height - margin)
+
+    @property
+    def grain_count(self) -> int:
+        """Grains of the bed, without the bottom layer and the lid."""
+        box, intruder = self.tank, self.intruder
+        area = box.length * (box.height - FLOOR * self.grains.diameter)
+        free = (area - pi * intruder.diameter**2 / 4.0) * box.thickness
+        return round(SOLID_FRACTION * free / granular.sphere_volume(self.grains.diameter))
+
+    @model_validator(mode="after")
+    def _check(self) -> TankScene:
+        _check_intruder(self)
+        _check_tank(self)
+        _check_lid(self)
+        return self
+
+
+def _check_intruder(scene: TankScene) -> None:
+    d, intruder, height = scene.grains.diameter, scene.intruder, scene.tank.height
+    radius = intruder.diameter / 2.0
+    if intruder.diameter < d:
+        raise CaseError(
+            "intruder.diameter",
+            intruder.diameter,
+            "the intruder is smaller than a grain, and grains would not feel a cylinder",
+            f"make it at least grains.diameter = {d:.6g} m",
+        )
+    if intruder.depth < radius:
+        raise CaseError(
+            "intruder.depth",
+            intruder.depth,
+            "the intruder lies above the surface",
+            f"put its centre at least its radius, {radius:.6g} m, deep",
+        )
+    deepest = height - radius - 3.0 * d
+    if intruder.depth > deepest:
+        raise CaseError(
+            "intruder.depth",
+            intruder.depth,
+            f"the intruder does not fit into a bed of tank.height = {height:.6g} m "
+            "with three grains below it",
+            f"make the depth at most {max(deepest, 0.0):.6g} m, or the tank higher",
+        )
+
+
+def _check_tank(scene: TankScene) -> None:
+    d, box = scene.grains.diameter, scene.tank
+    wake = WAKE * scene.intruder.diameter
+    if box.length < wake:
+        raise CaseError(
+            "tank.length",
+            box.length,
+            f"the tank is shorter than the wake, {WAKE:g} intruder diameters",
+            f"make it at least {wake:.6g} m",
+        )
+    if box.thickness < 3.0 * d:
+        raise CaseError(
+            "tank.thickness",
+            box.thickness,
+            "across the periodic thickness a grain would touch its own image's neighbours",
+            f"make it at least three grain diameters, {3.0 * d:.6g} m",
+        )
+    if scene.grain_count > MAX_GRAINS:
+        raise CaseError(
+            "tank.length",
+            box.length,
+            f"the tank would hold {scene.grain_count:.3g} grains",
+            f"keep it under {MAX_GRAINS:.0e}; are the lengths in metres?",
+        )
+
+
+def _check_lid(scene: TankScene) -> None:
+    nearest = LID_DEPTH * scene.intruder.diameter
+    if scene.lid is not None and scene.intruder.depth < nearest * (1.0 - 1e-9):
+        raise CaseError(
+            "intruder.depth",
+            scene.intruder.depth,
+            f"the lid is closer than the paper's, {LID_DEPTH:g} intruder diameters above "
+            "the intruder's centre",
+            f"make the depth at least {nearest:.6g} m, or leave the lid out",
+        )

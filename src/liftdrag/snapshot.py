@@ -1,0 +1,17 @@
+"""`Snapshot`: where the grains are and how fast they move, at one time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Grains at `time` (s): `kind` (n,) type, `position` and `velocity` (n, 3) in m and m/s."""
+
+    time: float
+    kind: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
