@@ -178,9 +178,8 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> InputError:
     if detail["type"] == "extra_forbidden":
         return CaseError(key, None, "this key is unknown", _did_you_mean(key, model))
     if detail["type"] == "missing":
-        return CaseError(
-            key, None, "this key is missing", "add it: nothing that the answer depends on is guessed"
-        )
+        remedy = "add it: nothing that the answer depends on is guessed"
+        return CaseError(key, None, "this key is missing", remedy)
     problem, remedy = _words(detail)
     return CaseError(key, detail["input"], problem, remedy)
 

@@ -18,12 +18,13 @@ def inertial_number(rate: float, diameter: float, pressure: float, density: floa
     return rate * diameter / sqrt(pressure / density)
 
 
-def lid_depth(diameter: float, lid_density: float, bulk_density: float) -> float:
+def lid_depth(diameter: float, density_ratio: float) -> float:
     """Height (m) of bed that weighs as much as a square monolayer of heavy grains.
 
-    (pi d / 6) rho* / rho, with rho the bulk density (Guillard et al. 2014, III A).
+    (pi d / 6) rho* / rho; `density_ratio` is that of the heavy grains to the bulk
+    (Guillard et al. 2014, section III A).
     """
-    return pi * diameter / 6.0 * lid_density / bulk_density
+    return pi * diameter / 6.0 * density_ratio
 
 
 def grip(

@@ -22,6 +22,9 @@ STEP_BOUND = 0.2
 SETTLED = 1e-4
 """Kinetic energy per grain, over m g d, below which a bed is settled."""
 
+SOLID_FRACTION = 0.6
+"""Solid fraction expected of a settled bed."""
+
 SKIN = 0.1
 """Neighbour skin in grain diameters."""
 
@@ -135,15 +138,14 @@ def pressure(scene: TankScene) -> float:
 
 
 def _bulk_density(scene: TankScene) -> float:
-    return 0.6 * scene.grains.density
+    return SOLID_FRACTION * scene.grains.density
 
 
 def _lid_depth(scene: TankScene) -> float:
     if scene.lid is None:
         return 0.0
-    grains = scene.grains
-    lid_density = scene.lid.density_ratio * grains.density
-    return granular.lid_depth(grains.diameter, lid_density, _bulk_density(scene))
+    ratio_to_bulk = scene.lid.density_ratio / SOLID_FRACTION
+    return granular.lid_depth(scene.grains.diameter, ratio_to_bulk)
 
 
 def _rayleigh_time(scene: TankScene) -> Value[float]:

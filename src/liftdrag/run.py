@@ -21,7 +21,7 @@ from liftdrag.case import Case
 from liftdrag.deck import Deck, Plan, build
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
-from liftdrag.engines.base import Engine, Outcome, Progress
+from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.errors import InputError, RunFailed, SeriesTooShort
 from liftdrag.numerics import Numerics, derive, explained
 from liftdrag.scene import TankScene
@@ -48,7 +48,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """"finished", or the reason why not, in a word."""
+        """In a word: finished, or the reason why not."""
         return str(self.record["status"])
 
     @property
@@ -88,7 +88,7 @@ def run(
     out: str | Path | None = None,
     engine: str = "lammps",
     ranks: int = 1,
-    progress: Progress = lambda stage, done, total: None,
+    progress: Progress = silent,
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import hypot
 from typing import Any
 
-from liftdrag.analysis.errorbars import Average
+from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES, Average
+from liftdrag.analysis.steady import SteadyWindow
 
 
 @dataclass(frozen=True)
@@ -60,3 +61,19 @@ def ratio(force: Quantity, scale: float, divisors: Sequence[Quantity], unit: str
         force.n_independent,
         force.converged and all(divisor.converged for divisor in divisors),
     )
+
+
+def shortcomings(forces: Mapping[str, Quantity], window: SteadyWindow) -> Iterator[str]:
+    """A sentence for each force that is not converged, and one when the window is not steady."""
+    for name, force in forces.items():
+        if not force.converged:
+            yield (
+                f"NOT CONVERGED: the {name} was averaged over {force.n_independent:.0f} "
+                f"correlation times, fewer than {MINIMUM_CORRELATION_TIMES}; its error is a guess: "
+                "run longer."
+            )
+    if not window.steady:
+        yield (
+            f"NOT STEADY: a force still drifts by {window.drift:.1f} standard errors within the "
+            "averaged window: run longer, or discard more of the start."
+        )

@@ -9,8 +9,8 @@ from math import pi, sqrt
 import numpy as np
 
 from liftdrag import granular
-from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES, average
-from liftdrag.analysis.quantity import Quantity, ratio
+from liftdrag.analysis.errorbars import average
+from liftdrag.analysis.quantity import Quantity, ratio, shortcomings
 from liftdrag.analysis.steady import SteadyWindow, common_window, steady_window
 from liftdrag.analysis.surface import surface_height
 from liftdrag.granular import GRAVITY
@@ -90,8 +90,8 @@ def _effective_depth(scene: TankScene, depth: Quantity, fraction: Quantity) -> Q
     own_error = depth.standard_error if scene.bulk_gravity else 0.0
     above, above_error = 0.0, 0.0
     if lid is not None:
-        bulk_density = fraction.mean * grains.density
-        above = granular.lid_depth(grains.diameter, lid.density_ratio * grains.density, bulk_density)
+        ratio_to_bulk = lid.density_ratio / fraction.mean
+        above = granular.lid_depth(grains.diameter, ratio_to_bulk)
         above_error = above * fraction.standard_error / fraction.mean
     error = float(np.hypot(own_error, above_error))
     return Quantity(own + above, error, "m", None, depth.n_independent, depth.converged)
@@ -108,9 +108,7 @@ def _coefficients(
     return {
         "drag_coefficient": ratio(mean["drag"], 1.0 / (weight * front), [fraction, depth], "1"),
         "lift_coefficient": ratio(mean["lift"], 1.0 / (weight * section), [fraction], "1"),
-        "drag_coefficient_overburden": ratio(
-            mean["drag"], 1.0 / front, [mean["overburden"]], "1"
-        ),
+        "drag_coefficient_overburden": ratio(mean["drag"], 1.0 / front, [mean["overburden"]], "1"),
     }
 
 
@@ -131,22 +129,10 @@ def _inertial_number(scene: TankScene, overburden: Quantity) -> Quantity:
 
 
 def _warnings(quantities: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]:
-    for name in ("drag", "lift"):
-        quantity = quantities[name]
-        if not quantity.converged:
-            yield (
-                f"NOT CONVERGED: the {name} was averaged over {quantity.n_independent:.0f} "
-                f"correlation times, fewer than {MINIMUM_CORRELATION_TIMES}; its error is a guess: "
-                "raise drive.distance."
-            )
-    if not window.steady:
+    yield from shortcomings({name: quantities[name] for name in ("drag", "lift")}, window)
+    speed = quantities["bed_speed_ratio"]
+    if abs(speed.mean - 1.0) > SLIP:
         yield (
-            f"NOT STEADY: a force still drifts by {window.drift:.1f} standard errors within the "
-            "averaged window; raise drive.distance."
-        )
-    ratio_ = quantities["bed_speed_ratio"]
-    if abs(ratio_.mean - 1.0) > SLIP:
-        yield (
-            f"The bed slips: far from the cylinder it moves at {ratio_.mean:.3f} of drive.speed, "
+            f"The bed slips: far from the cylinder it moves at {speed.mean:.3f} of drive.speed, "
             "so drag and lift come out too low; lengthen the tank."
         )

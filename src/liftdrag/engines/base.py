@@ -15,6 +15,10 @@ Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps planned."""
 
 
+def silent(_stage: str, _done: int, _total: int) -> None:
+    """No progress shown."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How a run ended, decided from evidence; `status` is "finished" or the reason in a word."""

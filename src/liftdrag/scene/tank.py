@@ -95,7 +95,7 @@ class TankScene(Part):
 
     @property
     def far_band(self) -> tuple[float, float]:
-        """Heights (m) between which the far field is bulk: 2 D about the axis, clear of the ends."""
+        """Heights (m) between which the far field is bulk: 2 D about the axis."""
         margin, reach = 3.0 * self.grains.diameter, 2.0 * self.intruder.diameter
         low = max(self.axis_height - reach, margin)
         return low, min(self.axis_height + reach, self.tank.height - margin)

@@ -1,0 +1,5 @@
+"""`python -m liftdrag` is `liftdrag`."""
+
+from liftdrag.cli import main
+
+main()

@@ -1,0 +1,228 @@
+"""The command line: arguments in, one call, printing."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from liftdrag.errors import InputError, RunFailed
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from liftdrag.analysis.forces import ForceAnswers
+    from liftdrag.case import Case
+    from liftdrag.run import Result
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="""Drag and lift on objects buried in grains, with error bars.
+
+    A case file names the grains, the tank, the cylinder and the drive; liftdrag derives the
+    numerics, packs the bed, writes a LAMMPS deck, runs it and averages the forces.
+
+    Begin with: liftdrag run quick --ranks 2
+
+    Then: liftdrag cases quick > mine.toml, edit it, liftdrag run mine.toml""",
+)
+
+CaseName = Annotated[
+    str, typer.Argument(metavar="CASE", help="A case file, or the name of a packaged case.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help='Change a key of the case: intruder.depth="8 D".'
+    ),
+]
+EngineName = Annotated[str, typer.Option(help="The program that computes: lammps.")]
+Ranks = Annotated[int, typer.Option(help="MPI ranks to start; under mpirun, its ranks are used.")]
+Json = Annotated[bool, typer.Option("--json", help="Print result.json instead of a table.")]
+
+
+@app.callback()
+def options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+) -> None:
+    """Options that come before the command."""
+    _Debug.on = debug
+
+
+class _Debug:
+    on = False
+
+
+@app.command()
+def cases(
+    name: Annotated[str | None, typer.Argument(help="Print this case, to start from.")] = None,
+) -> None:
+    """List the packaged cases, or print one."""
+    from liftdrag.case import load, packaged
+
+    found = packaged()
+    if name is not None:
+        load(name)
+        print(found[name].read_text("utf-8"), end="")
+        return
+    for case, file in found.items():
+        print(f"{case:<32} {_first_comment(file.read_text('utf-8'))}")
+
+
+@app.command()
+def schema(scene: Annotated[str, typer.Argument(help="The scene: tank.")]) -> None:
+    """Print the JSON schema of a scene's case file, for editors."""
+    from liftdrag.scene import SCENES
+
+    if scene not in SCENES:
+        raise InputError(f"There is no scene {scene!r}; choose one of {', '.join(SCENES)}.")
+    print(json.dumps(SCENES[scene].model_json_schema(), indent=2))
+
+
+@app.command("build-deck")
+def build_deck(
+    case: CaseName,
+    engine: EngineName = "lammps",
+    ranks: Ranks = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write; by default decks/CASE.")
+    ] = None,
+    settings: Settings = None,
+) -> None:
+    """Write the engine's input deck and explain its numbers, without running it."""
+    from liftdrag.engines import engine as engine_called
+    from liftdrag.numerics import explained
+    from liftdrag.run import fresh_folder, prepare, write_deck
+
+    chosen, name = _case(case, settings), engine_called(engine).name
+    numerics, deck = prepare(chosen, ranks)
+    folder = fresh_folder(out, chosen.name, "decks")
+    write_deck(chosen, numerics, deck, name, folder)
+    print(explained(numerics), end="")
+    print(f"The deck is in {folder}; by hand: cd {folder} && lmp -in {deck.plan.start}")
+
+
+@app.command()
+def run(
+    case: CaseName,
+    engine: EngineName = "lammps",
+    ranks: Ranks = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the run; by default a new one below runs/.")
+    ] = None,
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Run a case and answer with drag and lift and their standard errors."""
+    from liftdrag import run as run_case
+    from liftdrag.progress import reported
+
+    chosen = _case(case, settings)
+    with reported() as progress:
+        result = run_case(chosen, out, engine, ranks, progress)
+    _show(result, as_json)
+
+
+@app.command()
+def analyze(
+    path: Annotated[Path, typer.Argument(help="The folder of a run, or your own force file.")],
+    drag: Annotated[str, typer.Option(help="Column of the drag, by name or number.")] = "drag",
+    lift: Annotated[str, typer.Option(help="Column of the lift, by name or number.")] = "lift",
+    sign: Annotated[
+        float, typer.Option(help="Factor on both columns; -1 for forces on the grains.")
+    ] = 1.0,
+    unit: Annotated[str, typer.Option(help="Unit of the columns.")] = "N",
+    form: Annotated[
+        str,
+        typer.Option(help="auto, ave-time, thermo, print, csv, or contacts: a dump of contacts."),
+    ] = "auto",
+    time_column: Annotated[str | None, typer.Option(help="Column of the time or step.")] = None,
+    time_step: Annotated[float | None, typer.Option(help="Seconds per step.")] = None,
+    discard: Annotated[float, typer.Option(help="Seconds at the start to leave out.")] = 0.0,
+    as_json: Json = False,
+) -> None:
+    """Average again from a run's folder, or from a force table or contact dump of your own."""
+    if path.is_dir():
+        from liftdrag.run import analyze as analyze_folder
+
+        _show(analyze_folder(path), as_json)
+        return
+    from liftdrag.analysis.forces import Columns, answers, read_forces
+
+    columns = Columns(drag, lift, sign, unit, time_column, time_step)
+    _show_forces(answers(read_forces(path, form, columns), discard), as_json)
+
+
+def _case(name: str, settings: list[str] | None) -> Case:
+    from liftdrag.case import load, with_settings
+
+    case = with_settings(load(name), settings or [])
+    case.scene  # noqa: B018 - a bad case is refused before anything else
+    return case
+
+
+def _first_comment(text: str) -> str:
+    first = text.splitlines()[0]
+    return first.lstrip("# ") if first.startswith("#") else ""
+
+
+def _show(result: Result, as_json: bool) -> None:
+    from liftdrag.report import draw, table
+
+    pictures = draw(result)
+    if as_json:
+        print(json.dumps(result.record, indent=2))
+        return
+    _print_table(table(dict(result.quantities)))
+    for warning in result.warnings:
+        print(f"WARNING: {warning}")
+    print(f"Written to {result.folder}: result.json, {', '.join(p.name for p in pictures)}")
+
+
+def _show_forces(found: ForceAnswers, as_json: bool) -> None:
+    from liftdrag.report import table
+
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=2))
+        return
+    _print_table(table(found.quantities))
+    print(f"Averaged from {found.start_s:.6g} s to {found.end_s:.6g} s.")
+    for warning in found.warnings:
+        print(f"WARNING: {warning}")
+
+
+def _print_table(table: Table) -> None:
+    from rich.console import Console
+
+    console = Console()
+    Console(width=None if console.is_terminal else 140).print(table)
+
+
+def main() -> None:
+    """Entry point of `liftdrag` and `python -m liftdrag`; never returns."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        app()
+    except InputError as error:
+        _fail(error, 2)
+    except RunFailed as error:
+        _fail(error, 1)
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _fail(error: Exception, status: int) -> NoReturn:
+    if _Debug.on:
+        raise error
+    print(error, file=sys.stderr)
+    sys.exit(status)

@@ -1,0 +1,58 @@
+"""Progress of a run: a bar with time left on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from liftdrag.engines.base import Progress
+
+LINE_EVERY_S = 20.0
+
+
+@contextmanager
+def reported() -> Iterator[Progress]:
+    """Progress shown on standard error while the block runs."""
+    if sys.stderr.isatty():
+        with _bar() as progress:
+            yield progress
+    else:
+        yield _lines()
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        tasks: dict[str, object] = {}
+
+        def progress(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = shown.add_task(_MEANING.get(stage, stage), total=total)
+            shown.update(tasks[stage], completed=done)  # type: ignore[arg-type]
+
+        yield progress
+
+
+_MEANING = {"settle": "settling, at most", "drive": "driving"}
+
+
+def _lines() -> Progress:
+    last = [-LINE_EVERY_S, ""]
+
+    def progress(stage: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        if stage == last[1] and now - float(last[0]) < LINE_EVERY_S and done < total:
+            return
+        last[:] = now, stage
+        share = f"{100.0 * done / total:.0f} %"
+        print(f"{_MEANING.get(stage, stage)}: step {done} of {total}, {share}", file=sys.stderr)
+
+    return progress
