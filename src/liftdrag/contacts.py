@@ -34,7 +34,7 @@ class _Header(NamedTuple):
     names: list[str]
 
 
-class _FileEnds(Exception):  # noqa: N818 - it ends a file and is no error
+class _FileEnds(Exception):
     pass
 
 

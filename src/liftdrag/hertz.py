@@ -22,7 +22,8 @@ def pair_stiffness(youngs_modulus: float, poisson_ratio: float, diameter: float)
 
 def static_overlap(force: float, k: float) -> float:
     """Overlap (m) that carries `force` (N) at stiffness `k` (N/m^1.5)."""
-    return (force / k) ** (2.0 / 3.0)
+    overlap: float = (force / k) ** (2.0 / 3.0)
+    return overlap
 
 
 def rayleigh_time(
@@ -39,7 +40,7 @@ def hertz_time(k: float, mass: float, speed: float) -> float:
 
     `mass` is the effective mass (kg), `speed` the closing speed (m/s).
     """
-    overlap = (5.0 * mass * speed**2 / (4.0 * k)) ** 0.4
+    overlap: float = (5.0 * mass * speed**2 / (4.0 * k)) ** 0.4
     return 2.9432 * overlap / speed
 
 

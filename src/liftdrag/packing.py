@@ -100,7 +100,7 @@ class _Relaxation:
                 velocity[:] = 0.0
                 step, alpha, downhill = max(0.5 * step, 0.05), 0.1, 0
             velocity += step * force
-            scale = np.linalg.norm(velocity) / max(np.linalg.norm(force), 1e-300)
+            scale = np.linalg.norm(velocity) / max(float(np.linalg.norm(force)), 1e-300)
             velocity = (1.0 - alpha) * velocity + alpha * scale * force
             move = np.clip(step * velocity, -0.1, 0.1)
             self.x += move
@@ -125,7 +125,7 @@ class _Relaxation:
         every = np.concatenate([self.x, box.floor])
         every[:, :2] %= self.period[:2]
         every[:, 2] += 1.0
-        tree = cKDTree(every, boxsize=[box.length, box.thickness, 4.0 * box.top + 8.0])
+        tree = cKDTree(every, boxsize=np.array([box.length, box.thickness, 4.0 * box.top + 8.0]))
         pairs = tree.query_pairs(1.0 + self.skin, output_type="ndarray")
         self.i, self.j = pairs[pairs.min(axis=1) < len(self.x)].T
         self.moved = 0.0

@@ -45,13 +45,13 @@ _MEANING = {"settle": "settling, at most", "drive": "driving"}
 
 
 def _lines() -> Progress:
-    last = [-LINE_EVERY_S, ""]
+    shown_at: dict[str, float] = {}
 
     def progress(stage: str, done: int, total: int) -> None:
         now = time.monotonic()
-        if stage == last[1] and now - float(last[0]) < LINE_EVERY_S and done < total:
+        if now - shown_at.get(stage, -LINE_EVERY_S) < LINE_EVERY_S and done < total:
             return
-        last[:] = now, stage
+        shown_at[stage] = now
         share = f"{100.0 * done / total:.0f} %"
         print(f"{_MEANING.get(stage, stage)}: step {done} of {total}, {share}", file=sys.stderr)
 

@@ -56,17 +56,13 @@ class Lammps:
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The series of `fix ave/time`, time zero where the drive starts."""
-        channels: dict[str, np.ndarray] = {}
-        units: dict[str, str] = {}
-        steps = None
-        for file, contents in plan.series.items():
-            table = read_table(folder / file, "ave-time").set_index("TimeStep")
-            steps = table.index if steps is None else steps.intersection(table.index)
-            for name, unit in contents.items():
-                channels[name], units[name] = table[f"v_{name}"], unit
-        assert steps is not None
-        common = {name: values.loc[steps].to_numpy(float) for name, values in channels.items()}
-        return Series(np.asarray(steps, float) * plan.time_step, common, units)
+        import pandas as pd
+
+        files = [read_table(folder / name, "ave-time") for name in plan.series]
+        table = pd.concat([file.set_index("TimeStep") for file in files], axis=1, join="inner")
+        units = {name: unit for file in plan.series.values() for name, unit in file.items()}
+        channels = {name: table[f"v_{name}"].to_numpy(float) for name in units}
+        return Series(table.index.to_numpy(float) * plan.time_step, channels, units)
 
     def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
         """The settled bed, then those of the drive stage."""
