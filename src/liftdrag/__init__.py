@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from liftdrag.case import Case, load
-    from liftdrag.run import Result, run
+    from liftdrag.runner import Result, run
 
 __version__ = "0.1.0"
 __all__ = ["Case", "Result", "load", "run"]
@@ -20,4 +20,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'liftdrag' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_HOMES.get(name, "liftdrag.run")), name)
+    return getattr(import_module(_HOMES.get(name, "liftdrag.runner")), name)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from liftdrag.analysis.forces import ForceAnswers
     from liftdrag.case import Case
-    from liftdrag.run import Result
+    from liftdrag.runner import Result
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -100,7 +100,7 @@ def build_deck(
     """Write the engine's input deck and explain its numbers, without running it."""
     from liftdrag.engines import engine as engine_called
     from liftdrag.numerics import explained
-    from liftdrag.run import fresh_folder, prepare, write_deck
+    from liftdrag.runner import fresh_folder, prepare, write_deck
 
     chosen, name = _case(case, settings), engine_called(engine).name
     numerics, deck = prepare(chosen, ranks)
@@ -122,8 +122,8 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run a case and answer with drag and lift and their standard errors."""
-    from liftdrag import run as run_case
     from liftdrag.progress import reported
+    from liftdrag.runner import run as run_case
 
     chosen = _case(case, settings)
     with reported() as progress:
@@ -151,7 +151,7 @@ def analyze(
 ) -> None:
     """Average again from a run's folder, or from a force table or contact dump of your own."""
     if path.is_dir():
-        from liftdrag.run import analyze as analyze_folder
+        from liftdrag.runner import analyze as analyze_folder
 
         _show(analyze_folder(path), as_json)
         return

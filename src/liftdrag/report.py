@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liftdrag.analysis.quantity import Quantity
-from liftdrag.run import Result
+from liftdrag.runner import Result
 from liftdrag.scene import TankScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot

@@ -46,7 +46,7 @@ class Quantity:
 def ratio(force: Quantity, scale: float, divisors: Sequence[Quantity], unit: str) -> Quantity:
     """scale x force / (the product of the divisors), their errors taken as independent.
 
-    The correlation time and the independent samples are those of `force`.
+    The correlation time, the independent samples and `converged` are those of `force`.
     """
     factor = scale
     for divisor in divisors:
@@ -59,7 +59,7 @@ def ratio(force: Quantity, scale: float, divisors: Sequence[Quantity], unit: str
         unit,
         force.correlation_time,
         force.n_independent,
-        force.converged and all(divisor.converged for divisor in divisors),
+        force.converged,
     )
 
 

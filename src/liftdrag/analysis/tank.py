@@ -13,6 +13,7 @@ from liftdrag.analysis.errorbars import average
 from liftdrag.analysis.quantity import Quantity, ratio, shortcomings
 from liftdrag.analysis.steady import SteadyWindow, common_window, steady_window
 from liftdrag.analysis.surface import surface_height
+from liftdrag.errors import SeriesTooShort
 from liftdrag.granular import GRAVITY
 from liftdrag.scene import TankScene
 from liftdrag.series import Series
@@ -20,6 +21,8 @@ from liftdrag.snapshot import Snapshot
 
 DISCARDED = 2.0
 """Displacement in intruder diameters before the flow is steady (Guillard et al. 2014, III A)."""
+
+_BACKGROUND = ("bed_speed", "solid_fraction", "overburden")
 
 SLIP = 0.05
 """Departure of the far bed's speed from the drive's that is warned about."""
@@ -41,7 +44,8 @@ def answers(scene: TankScene, series: Series, snapshots: Sequence[Snapshot]) -> 
     overburden (Pa). Raises SeriesTooShort when nothing is left to average.
     """
     window = _window(scene, series)
-    mean = {name: _average(series, name, window) for name in series.channels}
+    mean = {name: _average(series, name, window) for name in ("drag", "lift")}
+    mean |= {name: _background(series, name, window) for name in _BACKGROUND}
     depth = _depth(scene, snapshots)
     effective = _effective_depth(scene, depth, mean["solid_fraction"])
     quantities = {
@@ -67,6 +71,16 @@ def _window(scene: TankScene, series: Series) -> SteadyWindow:
 def _average(series: Series, name: str, window: SteadyWindow) -> Quantity:
     values = series[name][window.start : window.stop]
     return Quantity.of(average(values, series.interval), series.units[name])
+
+
+def _background(series: Series, name: str, window: SteadyWindow) -> Quantity:
+    """The average of a slow channel; one that never repeats itself gets its whole spread."""
+    try:
+        return _average(series, name, window)
+    except SeriesTooShort:
+        values = series[name][window.start : window.stop]
+        spread, unit = float(values.std()), series.units[name]
+        return Quantity(float(values.mean()), spread, unit, None, 1.0, False)
 
 
 def _depth(scene: TankScene, snapshots: Sequence[Snapshot]) -> Quantity:
