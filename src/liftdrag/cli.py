@@ -224,5 +224,8 @@ def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
 def _fail(error: Exception, status: int) -> NoReturn:
     if _Debug.on:
         raise error
-    print(error, file=sys.stderr)
+    from liftdrag.engines import mpi
+
+    if mpi.is_first():
+        print(error, file=sys.stderr)
     sys.exit(status)

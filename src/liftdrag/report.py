@@ -11,7 +11,6 @@ import numpy as np
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.runner import Result
 from liftdrag.scene import TankScene
-from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -70,29 +69,27 @@ def rounded(mean: float, error: float) -> tuple[str, str]:
 
 def draw(result: Result) -> list[Path]:
     """Write `forces.png` and `bed.png` into the result's folder; the paths."""
-    paths = []
-    if result.series is not None and result.window is not None:
-        paths.append(draw_forces(result, result.series, result.folder / "forces.png"))
-    if result.snapshots:
-        paths.append(draw_bed(result.scene, result.snapshots[-1], result.folder / "bed.png"))
-    return paths
+    return [
+        draw_forces(result, result.folder / "forces.png"),
+        draw_bed(result.scene, result.snapshots[-1], result.folder / "bed.png"),
+    ]
 
 
-def draw_forces(result: Result, series: Series, path: Path) -> Path:
+def draw_forces(result: Result, path: Path) -> Path:
     """Drag and lift against displacement: samples, steady window, mean and error band."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     for axes, name in zip(figure.subplots(2, 1, sharex=True), ("drag", "lift"), strict=True):
-        _draw_force(axes, result, series, name)
+        _draw_force(axes, result, name)
     axes.set_xlabel("displacement over intruder diameter")
     figure.savefig(path, dpi=150)
     return path
 
 
-def _draw_force(axes: Axes, result: Result, series: Series, name: str) -> None:
-    scene, window, quantity = result.scene, result.window, result.quantities[name]
-    assert window is not None
+def _draw_force(axes: Axes, result: Result, name: str) -> None:
+    scene, series, window = result.scene, result.series, result.window
+    quantity = result.quantities[name]
     place = series.time * scene.drive.speed / scene.intruder.diameter
     coefficient = result.quantities[f"{name}_coefficient"]
     mean, error = rounded(coefficient.mean, coefficient.standard_error)

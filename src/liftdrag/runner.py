@@ -7,9 +7,10 @@ import os
 import platform
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib import metadata
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from liftdrag.deck import Deck, Plan, build
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
-from liftdrag.errors import InputError, RunFailed, SeriesTooShort
+from liftdrag.errors import InputError, RunFailed
 from liftdrag.numerics import Numerics, derive, explained
 from liftdrag.scene import TankScene
 from liftdrag.series import Series
@@ -41,10 +42,10 @@ class Result:
     folder: Path
     scene: TankScene
     record: Mapping[str, Any]
-    quantities: Mapping[str, Quantity] = field(default_factory=dict)
-    window: SteadyWindow | None = None
-    series: Series | None = None
-    snapshots: tuple[Snapshot, ...] = ()
+    quantities: Mapping[str, Quantity]
+    window: SteadyWindow
+    series: Series
+    snapshots: tuple[Snapshot, ...]
 
     @property
     def status(self) -> str:
@@ -171,12 +172,7 @@ def _answered(folder: Path, record: dict[str, Any]) -> Result:
     series = chosen.series(plan, folder)
     snapshots = tuple(chosen.snapshots(plan, folder))
     series.to_pandas().to_csv(folder / "series.csv")
-    try:
-        found = answers(scene, series, snapshots)
-    except SeriesTooShort as error:
-        record["warnings"] = [f"NOT CONVERGED: {error}.", *kept["warnings"]]
-        _write_json(folder / RESULT, record)
-        return Result(folder, scene, record, series=series, snapshots=snapshots)
+    found = answers(scene, series, snapshots)
     record |= _reported(found, kept["warnings"], series)
     _write_json(folder / RESULT, record)
     return Result(folder, scene, record, found.quantities, found.window, series, snapshots)
@@ -190,7 +186,7 @@ def _reported(found: Answers, warnings: list[str], series: Series) -> dict[str, 
         "steady_window": {
             "start_s": float(series.time[window.start]),
             "end_s": float(series.time[window.stop - 1]),
-            "drift": window.drift,
+            "drift": window.drift if isfinite(window.drift) else None,
             "steady": window.steady,
         },
     }

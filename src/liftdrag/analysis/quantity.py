@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import hypot
+from math import hypot, isfinite
 from typing import Any
 
 from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES, Average
@@ -72,7 +72,7 @@ def shortcomings(forces: Mapping[str, Quantity], window: SteadyWindow) -> Iterat
                 f"correlation times, fewer than {MINIMUM_CORRELATION_TIMES}; its error is a guess: "
                 "run longer."
             )
-    if not window.steady:
+    if not window.steady and isfinite(window.drift):
         yield (
             f"NOT STEADY: a force still drifts by {window.drift:.1f} standard errors within the "
             "averaged window: run longer, or discard more of the start."

@@ -16,13 +16,9 @@ from liftdrag.analysis.surface import surface_height
 from liftdrag.errors import SeriesTooShort
 from liftdrag.granular import GRAVITY
 from liftdrag.scene import TankScene
+from liftdrag.scene.tank import TRANSIENT
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
-
-DISCARDED = 2.0
-"""Displacement in intruder diameters before the flow is steady (Guillard et al. 2014, III A)."""
-
-_BACKGROUND = ("bed_speed", "solid_fraction", "overburden")
 
 SLIP = 0.05
 """Departure of the far bed's speed from the drive's that is warned about."""
@@ -41,11 +37,11 @@ def answers(scene: TankScene, series: Series, snapshots: Sequence[Snapshot]) -> 
     """The averages of a tank's steady window.
 
     `series` has the channels drag, lift (N), bed_speed (m/s), solid_fraction and
-    overburden (Pa). Raises SeriesTooShort when nothing is left to average.
+    overburden (Pa). A force without a trustworthy error is not converged, and a
+    warning says so.
     """
     window = _window(scene, series)
-    mean = {name: _average(series, name, window) for name in ("drag", "lift")}
-    mean |= {name: _background(series, name, window) for name in _BACKGROUND}
+    mean = {name: _average(series, name, window) for name in series.channels}
     depth = _depth(scene, snapshots)
     effective = _effective_depth(scene, depth, mean["solid_fraction"])
     quantities = {
@@ -63,24 +59,21 @@ def answers(scene: TankScene, series: Series, snapshots: Sequence[Snapshot]) -> 
 
 
 def _window(scene: TankScene, series: Series) -> SteadyWindow:
-    skipped = DISCARDED * scene.intruder.diameter / scene.drive.speed
+    skipped = TRANSIENT * scene.intruder.diameter / scene.drive.speed
     start = int(np.searchsorted(series.time, skipped))
-    return common_window([steady_window(series[name], start) for name in ("drag", "lift")])
+    try:
+        return common_window([steady_window(series[name], start) for name in ("drag", "lift")])
+    except SeriesTooShort:
+        return SteadyWindow(start, len(series), float("nan"), False)
 
 
 def _average(series: Series, name: str, window: SteadyWindow) -> Quantity:
-    values = series[name][window.start : window.stop]
-    return Quantity.of(average(values, series.interval), series.units[name])
-
-
-def _background(series: Series, name: str, window: SteadyWindow) -> Quantity:
-    """The average of a slow channel; one that never repeats itself gets its whole spread."""
+    """The average of a channel; one too slow for an error bar gets its whole spread as error."""
+    values, unit = series[name][window.start : window.stop], series.units[name]
     try:
-        return _average(series, name, window)
+        return Quantity.of(average(values, series.interval), unit)
     except SeriesTooShort:
-        values = series[name][window.start : window.stop]
-        spread, unit = float(values.std()), series.units[name]
-        return Quantity(float(values.mean()), spread, unit, None, 1.0, False)
+        return Quantity(float(values.mean()), float(values.std()), unit, None, 1.0, False)
 
 
 def _depth(scene: TankScene, snapshots: Sequence[Snapshot]) -> Quantity:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from liftdrag.errors import InputError
 from liftdrag.tables import read_table
 
 LOOP = re.compile(r"Loop time of (\S+) on \d+ procs for (\d+) steps with (\d+) atoms")
+_GRID = re.compile(r"^\s*(\d+) by (\d+) by (\d+) MPI processor grid", re.MULTILINE)
+_SIGNAL = re.compile(r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$", re.MULTILINE)
 _END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
 _UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
 _CAUSES = (
@@ -21,14 +24,21 @@ _CAUSES = (
 )
 
 
-def verdict(plan: Plan, folder: Path, log: str, said: str) -> tuple[str, str]:
-    """The status and its reason: "finished" only with end mark, last step and finite series."""
+def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[str, str]:
+    """The status and its reason: "finished" only with end mark, last step and finite series.
+
+    `log` is the engine's log, `said` what it printed, `code` its exit status.
+    """
+    if _GRID.search(log) and ranks_of(log) != plan.ranks:
+        return "engine_error", f"the engine ran on {ranks_of(log)} ranks, not {plan.ranks}"
     for pattern, status, reason in _CAUSES:
         if re.search(pattern, log[-5000:] + said):
             return status, f"{reason}; a smaller numerics.time_step may help"
     if unsettled := _UNSETTLED.search(log):
         return "engine_error", f"the bed did not come to rest: {unsettled[1]}"
     end = _END.search(log)
+    if end is None and (code < 0 or _SIGNAL.search(said)):
+        return "killed", "the engine was ended by a signal from outside"
     if end is None:
         return "engine_error", "the engine stopped before the end of the deck"
     if int(end[1]) != plan.stages["drive"]:
@@ -49,6 +59,12 @@ def _judge_series(plan: Plan, folder: Path) -> tuple[str, str]:
     return "finished", ""
 
 
+def ranks_of(log: str) -> int:
+    """The ranks that the engine says it ran on; 0 when it did not come to say."""
+    grid = _GRID.search(log)
+    return prod(map(int, grid.groups())) if grid else 0
+
+
 def text(path: Path) -> str:
     """The text of a file, or none when it does not exist."""
     return path.read_text("utf-8", "replace") if path.exists() else ""
@@ -57,5 +73,5 @@ def text(path: Path) -> str:
 def last_words(*texts: str) -> str:
     """The last lines of an engine's outputs, those that name an error first."""
     lines = [line for part in texts for line in part.splitlines() if line.strip()]
-    errors = [line for line in lines if "ERROR" in line or "LIFTDRAG UNSETTLED" in line]
-    return "\n".join([*errors[-3:], *lines[-5:]] if not errors else errors[-3:])
+    errors = [line for line in lines if line.startswith(("ERROR", "LIFTDRAG UNSETTLED"))]
+    return "\n".join(errors[-3:] or lines[-5:])

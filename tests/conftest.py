@@ -1,0 +1,77 @@
+"""What the tests share: the flag for slow physics, a tiny tank, and runs of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from liftdrag.case import Case
+from liftdrag.runner import Result, run
+
+CONTACT = {"youngs_modulus": 5e6, "poisson_ratio": 0.45, "restitution": 0.6, "friction": 0.5}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--validate", action="store_true", help="also run the slow physics")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not config.getoption("--validate"):
+        slow = [item for item in items if item.get_closest_marker("validate")]
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if item not in slow]
+
+
+def tiny_tank(**tables: Any) -> Case:
+    """A tank of some 600 grains about a cylinder hardly larger than they are."""
+    base: dict[str, Any] = {
+        "scene": "tank",
+        "seed": 1,
+        "grains": {"diameter": "1.5 mm", "density": 2500.0, **CONTACT},
+        "tank": {"length": "16 d", "thickness": "3 d", "height": "12 d"},
+        "intruder": {"diameter": "1.5 d", "depth": "4 D"},
+        "drive": {"speed": "0.2 m/s", "distance": "6 D"},
+    }
+    return Case(
+        "tiny",
+        {key: {**base.get(key, {}), **table} for key, table in tables.items()}
+        | {key: value for key, value in base.items() if key not in tables},
+    )
+
+
+def with_lid(bulk_gravity: bool) -> Case:
+    """The tiny tank under a lid, deep enough for one."""
+    return tiny_tank(
+        tank={"height": "30 d"},
+        intruder={"depth": "16 D"},
+        lid={"density_ratio": 60, "bulk_gravity": bulk_gravity},
+    )
+
+
+EXPERIMENTS = {
+    "free surface": tiny_tank(),
+    "lid": with_lid(bulk_gravity=True),
+    "lid only": with_lid(bulk_gravity=False),
+}
+
+
+@pytest.fixture(scope="session")
+def result_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Result]:
+    """Runs of the three experiments by name, each made once."""
+    made: dict[str, Result] = {}
+
+    def get(name: str) -> Result:
+        if name not in made:
+            made[name] = run(EXPERIMENTS[name], tmp_path_factory.mktemp("run"))
+        return made[name]
+
+    return get
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """A folder that does not exist yet."""
+    return tmp_path / "out"
