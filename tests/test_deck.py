@@ -170,6 +170,13 @@ def test_template_computes_nothing():
         "package gpu 1",
         "suffix omp",
         "quit",
+        "if 1 then 'shell ls'",
+        'if 1 then "jump SELF a" else "print b"',
+        "if 1 then shell",
+        "variable x getenv HOME",
+        "variable x file secrets",
+        "print 'a' file /etc/x",
+        "print 'a' append /etc/x",
     ],
 )
 def test_command_outside_the_list_is_refused(line: str):

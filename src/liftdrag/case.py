@@ -16,7 +16,7 @@ from typing import Any, NoReturn, get_args
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from liftdrag.errors import CaseError, InputError
+from liftdrag.errors import CaseError, InputError, shown
 from liftdrag.scene import SCENES, TankScene
 from liftdrag.scene.quantities import Length
 
@@ -25,7 +25,7 @@ MAX_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Case:
-    """A case file as read: its name, its text and its tables; `scene` checks and resolves them."""
+    """A case file as read: its name and its tables; `scene` checks and resolves them."""
 
     name: str
     tables: Mapping[str, Any]
@@ -51,11 +51,11 @@ class Case:
 def load(case: str | Path) -> Case:
     """The case of a path, or a packaged one by its name ("quick"). Raises InputError."""
     path = Path(case)
-    if path.suffix == ".toml" or path.is_file():
+    if path.suffix == ".toml" or _is_file(path):
         return Case(path.stem, _parse(_read(path), str(path)))
     packaged_cases = packaged()
     if str(case) not in packaged_cases:
-        raise InputError(f"There is no case {str(case)!r}: {_nearest_case(str(case))}")
+        raise InputError(f"There is no case {shown(str(case))}: {_nearest_case(str(case))}")
     return Case(str(case), _parse(packaged_cases[str(case)].read_text("utf-8"), str(case)))
 
 
@@ -82,6 +82,13 @@ def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, Traversable]]
             yield prefix + entry.name.removesuffix(".toml"), entry
 
 
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def _nearest_case(name: str) -> str:
     close = difflib.get_close_matches(name, packaged(), n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
@@ -90,13 +97,15 @@ def _nearest_case(name: str) -> str:
 
 def _read(path: Path) -> str:
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path} is larger than {MAX_BYTES} bytes, no case file; check it.")
-        return path.read_text("utf-8")
+        if path.stat().st_size <= MAX_BYTES:
+            return path.read_text("utf-8")
     except OSError as error:
         raise InputError(f"The case {path} cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError:
         raise InputError(f"The case {path} is not UTF-8 text; is it a case file?") from None
+    except ValueError:
+        raise InputError(f"The case {shown(str(path))} is no path; give a case file.") from None
+    raise InputError(f"{path} is larger than {MAX_BYTES} bytes, no case file; check it.")
 
 
 def _parse(text: str, name: str) -> dict[str, Any]:
@@ -106,10 +115,12 @@ def _parse(text: str, name: str) -> dict[str, Any]:
         raise InputError(f"The case {name} is not TOML: {error}.") from None
     except RecursionError:
         raise InputError(f"The case {name} is nested too deeply; is it a case file?") from None
+    except ValueError as error:
+        raise InputError(f"The case {name} cannot be read as TOML: {error}.") from None
 
 
 def _split(key: str) -> list[str]:
-    names = key.split(".")
+    names = [name.strip() for name in key.split(".")]
     if not all(names) or len(names) > 4:
         raise CaseError(key, None, "this is not a key of a case file", _see_schema())
     return names
@@ -118,7 +129,7 @@ def _split(key: str) -> list[str]:
 def _value(text: str) -> object:
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return text
     return parsed["value"] if parsed.keys() == {"value"} else text
 
@@ -136,7 +147,10 @@ def _scene(tables: Mapping[str, Any]) -> TankScene:
         raise _joined(sentences) from None
 
 
-def _joined(errors: list[InputError]) -> InputError:
+def _joined(errors: list[CaseError]) -> InputError:
+    """One error of all; a table that is none makes other keys wrong too, and is named alone."""
+    tables = [error for error in errors if error.problem == _NO_TABLE]
+    errors = tables or errors
     return errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
 
 
@@ -170,7 +184,10 @@ def _refuse(key: str, value: object, detail: ErrorDetails) -> NoReturn:
     raise CaseError(key, value, problem, remedy)
 
 
-def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> InputError:
+_NO_TABLE = "this should be a table of keys"
+
+
+def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> CaseError:
     error = detail.get("ctx", {}).get("error")
     if isinstance(error, CaseError):
         return error
@@ -180,6 +197,8 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> InputError:
     if detail["type"] == "missing":
         remedy = "add it: nothing that the answer depends on is guessed"
         return CaseError(key, None, "this key is missing", remedy)
+    if detail["type"] == "model_type":
+        return CaseError(key, detail["input"], _NO_TABLE, _see_schema())
     problem, remedy = _words(detail)
     return CaseError(key, detail["input"], problem, remedy)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -30,6 +30,10 @@ ALLOWED = frozenset(
     velocity write_dump""".split()
 )
 """The only engine commands a deck may hold: none that runs programs or reads other files."""
+
+
+ALLOWED_IN_IF = frozenset({"print", "quit"})
+"""The only commands that an `if` of a deck may run."""
 
 
 @dataclass(frozen=True)
@@ -124,11 +128,33 @@ def render(name: str, context: Mapping[str, Any]) -> str:
 
 
 def check_commands(text: str) -> None:
-    """Raise ValueError when a line's command is not in `ALLOWED`."""
+    """Raise ValueError when a line holds a command or a form of one that is not allowed."""
     for line in text.splitlines():
-        words = line.split("#")[0].split()
-        if words and words[0] not in ALLOWED:
-            raise ValueError(f"the deck would run the command {words[0]!r}, which is not allowed")
+        command = line.split("#")[0].strip()
+        _check(command, ALLOWED)
+        if command.startswith("if "):
+            for part in _consequences(command):
+                _check(part, ALLOWED_IN_IF)
+
+
+def _check(command: str, allowed: frozenset[str]) -> None:
+    words = command.split()
+    if words and (words[0] not in allowed or not _harmless(words)):
+        raise ValueError(f"the deck would run {command[:60]!r}, which is not allowed")
+
+
+def _consequences(command: str) -> Iterator[str]:
+    """The commands that an `if` would run."""
+    quoted = command.partition(" then ")[2]
+    for match in re.finditer(r"\"([^\"]*)\"|'([^']*)'|(\S+)", quoted):
+        yield next(part for part in match.groups() if part is not None)
+
+
+def _harmless(words: list[str]) -> bool:
+    """Whether a command is of the forms that the templates use, clear of files and the shell."""
+    if words[0] == "variable":
+        return len(words) > 2 and words[2] in {"index", "equal"}
+    return words[0] != "print" or not {"file", "append"} & set(words[1:])
 
 
 def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:

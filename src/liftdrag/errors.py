@@ -12,11 +12,12 @@ class CaseError(InputError):
 
     def __init__(self, key: str, value: object, problem: str, remedy: str):
         self.key, self.value, self.problem, self.remedy = key, value, problem, remedy
-        shown = "" if value is None else f" = {_shown(value)}"
-        super().__init__(f"{key}{shown}: {problem}; {remedy}.")
+        given = "" if value is None else f" = {shown(value)}"
+        super().__init__(f"{key[:60]}{given}: {problem}; {remedy}.")
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """A value as an error repeats it: short."""
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

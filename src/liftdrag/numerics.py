@@ -8,6 +8,7 @@ from math import ceil, pi, sqrt
 from typing import Generic, TypeVar
 
 from liftdrag import granular, hertz
+from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
 from liftdrag.scene import TankScene
 
@@ -39,6 +40,8 @@ FRONT_STRESS = 15.0
 
 QUASI_STATIC = 0.02
 """Inertial number above which the forces, the lift first, depend on the speed."""
+
+MAX_STEPS = 2_000_000_000
 
 SPEED_HINT = 3e6
 """Grain-steps per second of one core, for the estimate of the cost."""
@@ -88,7 +91,7 @@ class Numerics:
 
 
 def derive(scene: TankScene, ranks: int = 1) -> Numerics:
-    """The numerics of `scene` on `ranks` processes."""
+    """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
     rayleigh, impact = _rayleigh_time(scene), _hertz_time(scene)
     step = _time_step(scene, rayleigh, impact)
     dt = step.value
@@ -165,6 +168,13 @@ def _time_step(scene: TankScene, rayleigh: Value[float], impact: Value[float]) -
     smaller = min(rayleigh.value, impact.value)
     chosen = scene.numerics.time_step
     if chosen is not None:
+        if chosen > smaller:
+            raise CaseError(
+                "numerics.time_step",
+                chosen,
+                "no contact survives a step above its own time scale",
+                f"choose at most {smaller:.3g} s; {STEP_FRACTION * smaller:.3g} s is derived",
+            )
         return Value(chosen, "s", f"set by hand: {chosen / smaller:.3f} of the smaller time")
     step = float(f"{STEP_FRACTION * smaller:.3g}")
     return Value(step, "s", f"{STEP_FRACTION} of the smaller of the Rayleigh and Hertz times")
@@ -210,6 +220,13 @@ def _settle_energy(scene: TankScene) -> Value[float]:
 
 def _drive_steps(scene: TankScene, dt: float) -> Value[int]:
     steps = ceil(scene.drive.distance / (scene.drive.speed * dt))
+    if steps > MAX_STEPS:
+        raise CaseError(
+            "drive.distance",
+            scene.drive.distance,
+            f"at drive.speed this takes {steps:.3g} steps of {dt:.3g} s",
+            f"keep it under {MAX_STEPS:.0e} steps: a shorter distance, or a higher speed",
+        )
     return Value(steps, "steps", "distance over speed over time step")
 
 

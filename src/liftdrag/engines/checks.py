@@ -72,6 +72,8 @@ def text(path: Path) -> str:
 
 def last_words(*texts: str) -> str:
     """The last lines of an engine's outputs, those that name an error first."""
-    lines = [line for part in texts for line in part.splitlines() if line.strip()]
+    lines = list(
+        dict.fromkeys(line for part in texts for line in part.splitlines() if line.strip())
+    )
     errors = [line for line in lines if line.startswith(("ERROR", "LIFTDRAG UNSETTLED"))]
     return "\n".join(errors[-3:] or lines[-5:])

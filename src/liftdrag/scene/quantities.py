@@ -11,7 +11,11 @@ from functools import cache
 from math import isfinite
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, ValidationInfo, WithJsonSchema
+
+from liftdrag.errors import shown
+
+MAX_TEXT = 60
 
 _TEXT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.ASCII)
 _UNIT = re.compile(r"[A-Za-zµμ]{1,20}(\^?-?\d)?(\s*[*/ ]\s*[A-Za-zµμ]{1,20}(\^?-?\d)?){0,4}")
@@ -30,7 +34,7 @@ def _convert(number: float, unit: str, si: str) -> float:
 
     example = f"write a plain number in {si}, or text such as '{_EXAMPLES[si]}'"
     if not _UNIT.fullmatch(unit):
-        raise ValueError(f"{unit!r} is not a unit; {example}")
+        raise ValueError(f"{shown(unit)} is not a unit; {example}")
     try:
         return float(_registry().Quantity(number, unit).to(si).magnitude)
     except pint.DimensionalityError:
@@ -47,7 +51,7 @@ def _number(value: object, si: str, diameters: dict[str, float]) -> float:
         raise ValueError(f"this is not a quantity; write a number in {si}, or text with a unit")
     if not isinstance(value, str):
         return _finite(value)
-    match = _TEXT.fullmatch(value)
+    match = _TEXT.fullmatch(value) if len(value) <= MAX_TEXT else None
     if match is None:
         raise ValueError(f"this text is not a number with a unit; write '{_EXAMPLES[si]}'")
     number, unit = float(match[1]), match[2]
@@ -73,6 +77,22 @@ def _finite(value: float) -> float:
     return float(f"{number:.12g}")
 
 
+def _within(si: str, least: float, most: float) -> AfterValidator:
+    """Refuses what is not positive, and what can only be a slip of units."""
+
+    def validate(value: float) -> float:
+        if value <= 0.0:
+            raise ValueError(f"this should be greater than 0; write a positive number in {si}")
+        if not least <= value <= most:
+            raise ValueError(
+                f"no granular scene has {value:.3g} {si} here; "
+                f"check the unit, {least:g} to {most:g} {si} is accepted"
+            )
+        return value
+
+    return AfterValidator(validate)
+
+
 def _in(si: str) -> BeforeValidator:
     def validate(value: object, info: ValidationInfo) -> float:
         return _number(value, si, info.context or {})
@@ -85,8 +105,8 @@ def _schema(si: str) -> WithJsonSchema:
     return WithJsonSchema({"type": ["number", "string"], "description": text})
 
 
-Length = Annotated[float, Field(gt=0.0), _in("m"), _schema("m")]
-Time = Annotated[float, Field(gt=0.0), _in("s"), _schema("s")]
-Speed = Annotated[float, Field(gt=0.0), _in("m/s"), _schema("m/s")]
-Density = Annotated[float, Field(gt=0.0), _in("kg/m^3"), _schema("kg/m^3")]
-Modulus = Annotated[float, Field(gt=0.0), _in("Pa"), _schema("Pa")]
+Length = Annotated[float, _within("m", 1e-7, 1e4), _in("m"), _schema("m")]
+Time = Annotated[float, _within("s", 1e-12, 1e6), _in("s"), _schema("s")]
+Speed = Annotated[float, _within("m/s", 1e-9, 1e3), _in("m/s"), _schema("m/s")]
+Density = Annotated[float, _within("kg/m^3", 1e-2, 1e6), _in("kg/m^3"), _schema("kg/m^3")]
+Modulus = Annotated[float, _within("Pa", 1.0, 1e13), _in("Pa"), _schema("Pa")]

@@ -98,10 +98,14 @@ class TankScene(Part):
 
     @property
     def far_band(self) -> tuple[float, float]:
-        """Heights (m) between which the far field is bulk: 2 D about the axis."""
-        margin, reach = 3.0 * self.grains.diameter, 2.0 * self.intruder.diameter
-        low = max(self.axis_height - reach, margin)
-        return low, min(self.axis_height + reach, self.tank.height - margin)
+        """Heights (m) between which the far field is bulk.
+
+        2 D about the axis, but three grains clear of the bottom layer and the surface.
+        """
+        d, reach = self.grains.diameter, 2.0 * self.intruder.diameter
+        high = min(self.axis_height + reach, self.tank.height - 3.0 * d)
+        low = min(self.axis_height - reach, high - 4.0 * d)
+        return max(low, 3.0 * d), high
 
     @property
     def grain_count(self) -> int:
@@ -163,6 +167,14 @@ def _check_tank(scene: TankScene) -> None:
             f"the tank is shorter than the wake, {WAKE:g} intruder diameters",
             f"make it at least {wake:.6g} m",
         )
+    low, high = scene.far_band
+    if _under(high - low, 2.0 * d):
+        raise CaseError(
+            "tank.height",
+            box.height,
+            "the bed is too low to have a bulk between its surface and the bottom layer",
+            f"make it at least eight grains, {8.0 * d:.6g} m, high",
+        )
     if _under(box.thickness, 3.0 * d):
         raise CaseError(
             "tank.thickness",
@@ -175,7 +187,7 @@ def _check_tank(scene: TankScene) -> None:
             "tank.length",
             box.length,
             f"the tank would hold {scene.grain_count:.3g} grains",
-            f"keep it under {MAX_GRAINS:.0e}; are the lengths in metres?",
+            f"keep it under {MAX_GRAINS:.0e}; or check the units of the lengths",
         )
 
 
