@@ -119,6 +119,7 @@ def run(
         Path | None, typer.Option(help="Folder of the run; by default a new one below runs/.")
     ] = None,
     settings: Settings = None,
+    dump: Annotated[bool, typer.Option("--dump", help="Write trajectory.dump to look at.")] = False,
     as_json: Json = False,
 ) -> None:
     """Run a case and answer with drag and lift and their standard errors."""
@@ -127,7 +128,7 @@ def run(
 
     chosen = _case(case, settings)
     with reported() as progress:
-        result = run_case(chosen, out, engine, ranks, progress)
+        result = run_case(chosen, out, engine, ranks, dump, progress)
     _show(result, as_json)
 
 

@@ -72,13 +72,21 @@ class Deck:
             (folder / name).write_text(text, "utf-8")
 
 
-def build(scene: TankScene, numerics: Numerics, name: str, version: str, ranks: int = 1) -> Deck:
-    """The LAMMPS deck of a tank. Raises ValueError when the grains cannot be packed."""
+def build(
+    scene: TankScene,
+    numerics: Numerics,
+    name: str,
+    version: str,
+    ranks: int = 1,
+    dump: bool = False,
+) -> Deck:
+    """The LAMMPS deck of a tank; `dump` adds a trajectory. Raises ValueError when packing fails."""
     positions, types = _bed(scene)
     context = _context(scene, numerics) | {
         "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
         "version": version,
         "ranks": ranks,
+        "trajectory_every": numerics.trajectory_every.value if dump else 0,
     }
     texts = {
         "in.tank": render("lammps/tank.in.j2", context),

@@ -71,6 +71,7 @@ class Numerics:
     sample_every: Value[int]
     row_every: Value[int]
     snapshot_every: Value[int]
+    trajectory_every: Value[int]
     progress_every: Value[int]
     skin: Value[float]
     sort_every: Value[int]
@@ -114,6 +115,7 @@ def derive(scene: TankScene, ranks: int = 1) -> Numerics:
         sample_every=sample,
         row_every=row,
         snapshot_every=_snapshot_every(scene, drive.value),
+        trajectory_every=_trajectory_every(scene, dt),
         progress_every=Value(
             max(drive.value // 200, 1), "steps", "the log shows progress 200 times a run"
         ),
@@ -250,6 +252,11 @@ def _snapshot_every(scene: TankScene, drive_steps: int) -> Value[int]:
     diameters = scene.drive.distance / scene.intruder.diameter
     count = min(max(ceil(diameters / 2.0), 2), 10)
     return Value(ceil(drive_steps / count), "steps", f"{count} snapshots of the bed, for its depth")
+
+
+def _trajectory_every(scene: TankScene, dt: float) -> Value[int]:
+    steps = 0.2 * scene.intruder.diameter / (scene.drive.speed * dt)
+    return Value(max(round(steps), 1), "steps", "with --dump, a frame every 1/5 D to look at")
 
 
 def _skin(scene: TankScene) -> Value[float]:

@@ -27,16 +27,19 @@ def reported() -> Iterator[Progress]:
 @contextmanager
 def _bar() -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        tasks: dict[str, object] = {}
+        tasks: dict[str, TaskID] = {}
 
         def progress(stage: str, done: int, total: int) -> None:
             if stage not in tasks:
+                for earlier in tasks.values():
+                    shown.remove_task(earlier)
+                tasks.clear()
                 tasks[stage] = shown.add_task(_MEANING.get(stage, stage), total=total)
-            shown.update(tasks[stage], completed=done)  # type: ignore[arg-type]
+            shown.update(tasks[stage], completed=done)
 
         yield progress
 

@@ -58,13 +58,13 @@ class Result:
         return list(self.record["warnings"])
 
 
-def prepare(case: Case, ranks: int = 1) -> tuple[Numerics, Deck]:
+def prepare(case: Case, ranks: int = 1, dump: bool = False) -> tuple[Numerics, Deck]:
     """The numerics and the deck of a case. Raises InputError for a bad case or too many ranks."""
     if not 1 <= ranks <= MAX_RANKS:
         raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
     numerics = derive(case.scene, ranks)
     try:
-        return numerics, build(case.scene, numerics, case.name, liftdrag.__version__, ranks)
+        return numerics, build(case.scene, numerics, case.name, liftdrag.__version__, ranks, dump)
     except ValueError as error:
         raise InputError(f"The bed of {case.name} cannot be packed: {error}.") from None
 
@@ -89,12 +89,13 @@ def run(
     out: str | Path | None = None,
     engine: str = "lammps",
     ranks: int = 1,
+    dump: bool = False,
     progress: Progress = silent,
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
-    Under `mpirun` the job's ranks are used. The folder keeps the deck, the
-    series and `result.json`; by default it is a new one below `runs/`.
+    Under `mpirun` the job's ranks are used. The folder keeps the deck, the series and
+    `result.json`, and with `dump` a trajectory; by default it is a new one below `runs/`.
     Raises InputError before anything is started, RunFailed when the engine
     does not finish; the folder then says why.
     """
@@ -104,7 +105,7 @@ def run(
     if world.rank > 0:
         chosen.join()
     try:
-        numerics, deck = prepare(case, world.size if world.size > 1 else ranks)
+        numerics, deck = prepare(case, world.size if world.size > 1 else ranks, dump)
         folder = fresh_folder(out, case.name)
         write_deck(case, numerics, deck, engine, folder)
     except BaseException:
