@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from jinja2 import nodes
 
-import liftdrag.deck
+import liftdrag.deck.tank
 from liftdrag.case import Case, load, packaged
-from liftdrag.deck import ALLOWED, Deck, build, check_commands, render, template
+from liftdrag.deck import Deck
+from liftdrag.deck.commands import ALLOWED, check_commands
+from liftdrag.deck.tank import build
+from liftdrag.deck.template import render, template
 from liftdrag.numerics import derive
 from liftdrag.packing import TOLERANCE
 
@@ -71,7 +74,7 @@ def decks() -> dict[str, Deck]:
 def unpacked(monkeypatch: pytest.MonkeyPatch) -> None:
     """Grains at random instead of a packed bed: for what does not depend on where they are."""
     monkeypatch.setattr(
-        liftdrag.deck, "random_bed", lambda _, count, rng: rng.uniform(0.0, 5.0, (count, 3))
+        liftdrag.deck.tank, "random_bed", lambda _, count, rng: rng.uniform(0.0, 5.0, (count, 3))
     )
 
 
@@ -85,7 +88,7 @@ def context_of(case: Case, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         return ""
 
     with monkeypatch.context() as patch:
-        patch.setattr(liftdrag.deck, "render", keep)
+        patch.setattr(liftdrag.deck.tank, "render", keep)
         deck_of(case)
     return seen[0]
 

@@ -7,9 +7,9 @@ from math import hypot
 
 import pytest
 
-from liftdrag import deck as decks
 from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case, load
+from liftdrag.deck import tank as decks
 from liftdrag.engines import engine
 from liftdrag.numerics import Value, derive
 from liftdrag.packing import random_bed

@@ -15,7 +15,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-import liftdrag.deck
+import liftdrag.deck.tank
 from liftdrag.case import Case
 from liftdrag.numerics import derive
 
@@ -82,8 +82,8 @@ def lines(monkeypatch: pytest.MonkeyPatch, **changed: object) -> Lines:
         case = case.set(key.replace("__", "."), value)
     scene = case.scene
     grains = np.zeros((scene.grain_count, 3))
-    monkeypatch.setattr(liftdrag.deck, "random_bed", lambda *_: grains)
-    text = liftdrag.deck.build(scene, derive(scene), "contact", "test").texts["in.tank"]
+    monkeypatch.setattr(liftdrag.deck.tank, "random_bed", lambda *_: grains)
+    text = liftdrag.deck.tank.build(scene, derive(scene), "contact", "test").texts["in.tank"]
 
     def line(start: str) -> str:
         (found,) = (x for x in text.splitlines() if x.split()[:2] == start.split())

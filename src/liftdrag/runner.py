@@ -19,7 +19,8 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.steady import SteadyWindow
 from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case
-from liftdrag.deck import Deck, Plan, build
+from liftdrag.deck import Deck, Plan
+from liftdrag.deck.tank import build
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent

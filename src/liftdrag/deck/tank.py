@@ -1,75 +1,22 @@
-"""Scene, numerics and packed bed into a `Deck`: the finished texts that an engine runs."""
+"""Scene, numerics and packed bed of a tank into its LAMMPS deck."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from io import StringIO
-from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from liftdrag import granular, hertz
+from liftdrag.deck.commands import check_commands
+from liftdrag.deck.model import Deck, Plan
+from liftdrag.deck.template import render
 from liftdrag.granular import GRAVITY
 from liftdrag.numerics import Numerics
 from liftdrag.packing import Container, random_bed, square_layer
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import FLOOR
-
-ALLOWED = frozenset(
-    """atom_modify atom_style boundary comm_modify compute dump dump_modify fix group if
-    neigh_modify neighbor newton pair_coeff pair_style print processors read_data region
-    reset_timestep run thermo thermo_modify thermo_style timestep unfix units variable
-    velocity write_dump""".split()
-)
-"""The only engine commands a deck may hold: none that runs programs or reads other files."""
-
-
-ALLOWED_IN_IF = frozenset({"print", "quit"})
-"""The only commands that an `if` of a deck may run."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What a deck promises: where the engine starts, its stages' steps, and the files it leaves.
-
-    `series` names each output file and its channels with their units; a row
-    comes every `row_every` steps of `time_step` seconds.
-    """
-
-    start: str
-    ranks: int
-    time_step: float
-    stages: Mapping[str, int]
-    row_every: int
-    series: Mapping[str, Mapping[str, str]]
-
-
-@dataclass(frozen=True)
-class Deck:
-    """The finished texts of a run by file name, and the plan that they carry out."""
-
-    texts: Mapping[str, str]
-    plan: Plan
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the texts and their names."""
-        joined = json.dumps(sorted(self.texts.items()))
-        return hashlib.sha256(joined.encode()).hexdigest()
-
-    def write(self, folder: Path) -> None:
-        """Write the texts into `folder`, which is made when it does not exist."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in self.texts.items():
-            (folder / name).write_text(text, "utf-8")
 
 
 def build(
@@ -111,58 +58,6 @@ def _plan(numerics: Numerics, ranks: int) -> Plan:
             "bed.dat": {"bed_speed": "m/s", "solid_fraction": "1", "overburden": "Pa"},
         },
     )
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.FunctionLoader(template),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
-
-
-def template(name: str) -> str:
-    """The text of a packaged template."""
-    return (resources.files("liftdrag.templates") / name).read_text("utf-8")
-
-
-def render(name: str, context: Mapping[str, Any]) -> str:
-    """A template filled in; a name that the context lacks raises jinja2.UndefinedError."""
-    return _environment().get_template(name).render(context)
-
-
-def check_commands(text: str) -> None:
-    """Raise ValueError when a line holds a command or a form of one that is not allowed."""
-    for line in text.splitlines():
-        command = line.split("#")[0].strip()
-        _check(command, ALLOWED)
-        if command.startswith("if "):
-            for part in _consequences(command):
-                _check(part, ALLOWED_IN_IF)
-
-
-def _check(command: str, allowed: frozenset[str]) -> None:
-    words = command.split()
-    if words and (words[0] not in allowed or not _harmless(words)):
-        raise ValueError(f"the deck would run {command[:60]!r}, which is not allowed")
-
-
-def _consequences(command: str) -> Iterator[str]:
-    """The commands that an `if` would run."""
-    quoted = command.partition(" then ")[2]
-    for match in re.finditer(r"\"([^\"]*)\"|'([^']*)'|(\S+)", quoted):
-        yield next(part for part in match.groups() if part is not None)
-
-
-def _harmless(words: list[str]) -> bool:
-    """Whether a command is of the forms that the templates use, clear of files and the shell."""
-    if words[0] == "variable":
-        return len(words) > 2 and words[2] in {"index", "equal"}
-    return words[0] != "print" or not {"file", "append"} & set(words[1:])
 
 
 def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:

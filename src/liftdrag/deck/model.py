@@ -1,0 +1,45 @@
+"""`Deck` and its `Plan`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a deck promises: where the engine starts, its stages' steps, and the files it leaves.
+
+    `series` names each output file and its channels with their units; a row
+    comes every `row_every` steps of `time_step` seconds.
+    """
+
+    start: str
+    ranks: int
+    time_step: float
+    stages: Mapping[str, int]
+    row_every: int
+    series: Mapping[str, Mapping[str, str]]
+
+
+@dataclass(frozen=True)
+class Deck:
+    """The finished texts of a run by file name, and the plan that they carry out."""
+
+    texts: Mapping[str, str]
+    plan: Plan
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the texts and their names."""
+        joined = json.dumps(sorted(self.texts.items()))
+        return hashlib.sha256(joined.encode()).hexdigest()
+
+    def write(self, folder: Path) -> None:
+        """Write the texts into `folder`, which is made when it does not exist."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in self.texts.items():
+            (folder / name).write_text(text, "utf-8")
