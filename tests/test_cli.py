@@ -6,13 +6,17 @@ import json
 import subprocess
 import sys
 import sysconfig
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import TINY
+from rich.console import Console
 
+from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import packaged
+from liftdrag.report import table
 from liftdrag.scene import TankScene
 
 
@@ -203,6 +207,45 @@ def test_analyze_of_a_contact_dump_of_a_real_run(tmp_path):
     seconds = forces[:, 0] * step
     inside = seconds > old["steady_window"]["start_s"]
     assert old["quantities"]["drag"]["mean"] == pytest.approx(forces[inside, 1].mean(), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--discard", "-1"), "--discard"),
+        (("--discard", "nan"), "--discard"),
+        (("--sign", "0"), "--sign"),
+        (("--form", "excel"), "--form"),
+        (("--drag", "drug"), "drug"),
+    ],
+)
+def test_analyze_refuses_options_without_sense(tmp_path, words, says):
+    (tmp_path / "mine.csv").write_text("time,drag,lift\n0,1,2\n1,2,3\n2,1,2\n")
+    done = liftdrag("analyze", "mine.csv", *words, folder=tmp_path)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_analyze_of_a_folder_takes_no_options_of_files(ran):
+    done = liftdrag("analyze", "runs/tiny", "--sign", "-1", folder=ran[0])
+    assert done.returncode == 2
+    assert "--sign" in done.stderr
+
+
+def test_a_case_of_ones_own_is_not_printed(ran):
+    done = liftdrag("cases", "tiny.toml", folder=ran[0])
+    assert done.returncode == 2
+    assert "not a packaged case" in done.stderr
+
+
+def test_the_table_fits_a_narrow_terminal():
+    quantity = Quantity(0.0669, 0.0017, "N", 0.1, 62.0, True)
+    console = Console(width=60, record=True, file=StringIO())
+    console.print(table({"drag_coefficient_overburden": quantity}, 60))
+    text = console.export_text()
+    assert "0.0669" in text
+    assert max(map(len, text.splitlines())) <= 60
 
 
 def test_analyze_refuses_a_series_too_short(tmp_path):

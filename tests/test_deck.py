@@ -46,7 +46,8 @@ FREE = Case(
 def under_lid(name: str, bulk_gravity: bool) -> Case:
     """The case under a lid, the cylinder as deep as the lid demands."""
     deep = FREE.set("tank.height", "21 d").set("intruder.depth", "16 D")
-    deep = deep.set("intruder.diameter", "1 d").set("tank.length", "8.4 d")
+    deep = deep.set("intruder.diameter", "1 d").set("tank.length", "9 d")
+    deep = deep.set("tank.thickness", "4 d")
     deep = deep.set("lid", {"density_ratio": RATIO, "bulk_gravity": bulk_gravity})
     return Case(name, deep.tables)
 
@@ -180,6 +181,13 @@ def test_template_computes_nothing():
         "variable x file secrets",
         "print 'a' file /etc/x",
         "print 'a' append /etc/x",
+        'run 100 every 10 "shell touch x"',
+        "if 1 then\t'shell ls'",
+        "fix p all print 1 x file y",
+        "fix p all python/invoke 1 end_of_step f",
+        "read_data /etc/passwd",
+        "read_data ../other",
+        "dump d all custom 1 /root/x id",
     ],
 )
 def test_command_outside_the_list_is_refused(line: str):

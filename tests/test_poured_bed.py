@@ -34,7 +34,7 @@ def driven(case: Case, folder, damping: float | None = None) -> tuple[float, Ans
     lammps = engine("lammps")
     assert lammps.run(deck.plan, folder, lambda *_: None).status == "finished"
     series = lammps.series(deck.plan, folder)
-    found = answers(case.scene, series, tuple(lammps.snapshots(deck.plan, folder)))
+    found = answers(case.scene, series, list(lammps.surfaces(deck.plan, folder)))
     return float(series["solid_fraction"][0]), found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import sys
 from pathlib import Path
@@ -14,9 +15,10 @@ import typer
 from liftdrag.errors import InputError, RunFailed
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from collections.abc import Mapping
 
     from liftdrag.analysis.forces import ForceAnswers
+    from liftdrag.analysis.quantity import Quantity
     from liftdrag.case import Case
     from liftdrag.runner import Result
 
@@ -70,7 +72,9 @@ def cases(
 
     found = packaged()
     if name is not None:
-        load(name)
+        if name not in found:
+            load(name)
+            raise InputError(f"{name} is not a packaged case, but a file of your own.")
         print(found[name].read_text("utf-8"), end="")
         return
     for case, file in found.items():
@@ -99,15 +103,17 @@ def build_deck(
 ) -> None:
     """Write the engine's input deck and explain its numbers, without running it."""
     from liftdrag.engines import engine as engine_called
+    from liftdrag.folder import fresh
     from liftdrag.numerics import explained
-    from liftdrag.runner import fresh_folder, prepare, write_deck
+    from liftdrag.runner import prepare, write_deck
 
     chosen, name = _case(case, settings), engine_called(engine).name
     numerics, deck = prepare(chosen, ranks)
-    folder = fresh_folder(out, chosen.name, "decks")
+    folder = fresh(out, chosen.name, "decks")
     write_deck(chosen, numerics, deck, name, folder)
     print(explained(numerics), end="")
-    print(f"The deck is in {folder}; by hand: cd {folder} && lmp -in {deck.plan.start}")
+    there = shlex.quote(str(folder))
+    print(f"The deck is in {folder}; by hand: cd {there} && lmp -in {deck.plan.start}")
 
 
 @app.command()
@@ -134,6 +140,7 @@ def run(
 
 @app.command()
 def analyze(
+    context: typer.Context,
     path: Annotated[Path, typer.Argument(help="The folder of a run, or your own force file.")],
     drag: Annotated[str, typer.Option(help="Column of the drag, by name or number.")] = "drag",
     lift: Annotated[str, typer.Option(help="Column of the lift, by name or number.")] = "lift",
@@ -154,12 +161,22 @@ def analyze(
     if path.is_dir():
         from liftdrag.runner import analyze as analyze_folder
 
+        _refuse_options(context, {"path", "as_json"})
         _show(analyze_folder(path), as_json)
         return
     from liftdrag.analysis.forces import Columns, answers, read_forces
 
     columns = Columns(drag, lift, sign, unit, time_column, time_step)
     _show_forces(answers(read_forces(path, form, columns), discard), as_json)
+
+
+def _refuse_options(context: typer.Context, known: set[str]) -> None:
+    """Refuse the options that were given and have no meaning here."""
+    for name in context.params.keys() - known:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            option = name.replace("_", "-")
+            raise InputError(f"--{option} is for force files; a run's folder needs no options.")
 
 
 def _case(name: str, settings: list[str] | None) -> Case:
@@ -176,46 +193,48 @@ def _first_comment(text: str) -> str:
 
 
 def _show(result: Result, as_json: bool) -> None:
-    from liftdrag.report import draw, table
-
-    pictures = draw(result)
     if as_json:
         print(json.dumps(result.record, indent=2))
         return
-    _print_table(table(dict(result.quantities)))
+    _print_table(result.quantities)
     for warning in result.warnings:
         print(f"WARNING: {warning}")
-    print(f"Written to {result.folder}: result.json, {', '.join(p.name for p in pictures)}")
+    print(f"In {result.folder}: result.json, series.csv, forces.png, bed.png")
 
 
 def _show_forces(found: ForceAnswers, as_json: bool) -> None:
-    from liftdrag.report import table
-
     if as_json:
         print(json.dumps(found.to_dict(), indent=2))
         return
-    _print_table(table(found.quantities))
+    _print_table(found.quantities)
     print(f"Averaged from {found.start_s:.6g} s to {found.end_s:.6g} s.")
     for warning in found.warnings:
         print(f"WARNING: {warning}")
 
 
-def _print_table(table: Table) -> None:
+def _print_table(quantities: Mapping[str, Quantity]) -> None:
     from rich.console import Console
 
+    from liftdrag.report import table
+
     console = Console()
-    Console(width=None if console.is_terminal else 140).print(table)
+    width = console.width if console.is_terminal else 140
+    Console(width=width).print(table(quantities, width))
 
 
 def main() -> None:
     """Entry point of `liftdrag` and `python -m liftdrag`; never returns."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
     try:
         app()
     except InputError as error:
         _fail(error, 2)
     except RunFailed as error:
         _fail(error, 1)
+    except KeyboardInterrupt:
+        _fail(RunFailed("killed", "Interrupted."), 1)
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:

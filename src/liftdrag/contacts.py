@@ -19,7 +19,7 @@ ROWS_AT_ONCE = 50_000
 MOST_DIGITS = 18
 
 
-class Snapshot(NamedTuple):
+class Sum(NamedTuple):
     """The summed force at one step and the number of rows that carry some of it."""
 
     step: int
@@ -68,7 +68,7 @@ def read_contact_dump(
     return _frame([last[step] for step in sorted(last)], sign, time_step)
 
 
-def snapshots(path: Path, drag_column: str, lift_column: str) -> Iterator[Snapshot]:
+def snapshots(path: Path, drag_column: str, lift_column: str) -> Iterator[Sum]:
     """The complete snapshots of one file in its own order, read as a stream.
 
     Raises InputError as `read_contact_dump` does.
@@ -92,10 +92,10 @@ def _check_is_dump(path: Path, start: str) -> None:
         raise InputError(f"{path}: no `ITEM:` line at the start; give a text dump of contacts.")
 
 
-def _frame(shots: Sequence[Snapshot], sign: float, time_step: float | None) -> pd.DataFrame:
+def _frame(shots: Sequence[Sum], sign: float, time_step: float | None) -> pd.DataFrame:
     import pandas as pd
 
-    frame = pd.DataFrame(shots, columns=Snapshot._fields)
+    frame = pd.DataFrame(shots, columns=Sum._fields)
     frame[["drag", "lift"]] = frame[["drag", "lift"]] * sign + 0.0
     if time_step is not None:
         frame["time"] = frame["step"] * time_step
@@ -109,7 +109,7 @@ class _Dump:
         self.path, self.handle, self.columns = path, handle, columns
         self.number = 0
 
-    def snapshots(self) -> Iterator[Snapshot]:
+    def snapshots(self) -> Iterator[Sum]:
         while True:
             try:
                 shot = self.snapshot()
@@ -117,7 +117,7 @@ class _Dump:
                 return
             yield shot
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> Sum:
         """The next snapshot. Raises _FileEnds when the file ends before it does."""
         header = self.header()
         picks = [self.position(header.names, name) for name in self.columns]
@@ -127,7 +127,7 @@ class _Dump:
             forces = self.forces(lines, len(header.names), picks)
             total += forces.sum(axis=0)
             contacts += int(np.count_nonzero(forces.any(axis=1)))
-        return Snapshot(header.step, float(total[0]), float(total[1]), contacts)
+        return Sum(header.step, float(total[0]), float(total[1]), contacts)
 
     def header(self) -> _Header:
         """The lines of a snapshot above its rows, in any order."""

@@ -23,7 +23,7 @@ STEP_BOUND = 0.2
 SETTLED = 1e-4
 """Kinetic energy per grain, over m g d, below which a bed is settled."""
 
-SOLID_FRACTION = 0.6
+SETTLED_FRACTION = 0.6
 """Solid fraction expected of a settled bed."""
 
 SKIN = 0.1
@@ -71,6 +71,7 @@ class Numerics:
     sample_every: Value[int]
     row_every: Value[int]
     snapshot_every: Value[int]
+    surface_every: Value[int]
     trajectory_every: Value[int]
     progress_every: Value[int]
     skin: Value[float]
@@ -115,6 +116,7 @@ def derive(scene: TankScene, ranks: int = 1) -> Numerics:
         sample_every=sample,
         row_every=row,
         snapshot_every=_snapshot_every(scene, drive.value),
+        surface_every=_surface_every(scene, row.value, dt),
         trajectory_every=_trajectory_every(scene, dt),
         progress_every=Value(
             max(drive.value // 200, 1), "steps", "the log shows progress 200 times a run"
@@ -143,13 +145,13 @@ def pressure(scene: TankScene) -> float:
 
 
 def _bulk_density(scene: TankScene) -> float:
-    return SOLID_FRACTION * scene.grains.density
+    return SETTLED_FRACTION * scene.grains.density
 
 
 def _lid_depth(scene: TankScene) -> float:
     if scene.lid is None:
         return 0.0
-    ratio_to_bulk = scene.lid.density_ratio / SOLID_FRACTION
+    ratio_to_bulk = scene.lid.density_ratio / SETTLED_FRACTION
     return granular.lid_depth(scene.grains.diameter, ratio_to_bulk)
 
 
@@ -195,8 +197,12 @@ def _settling(scene: TankScene, dt: float) -> tuple[Value[float], Value[int], Va
     most = max(20.0 * period, 3.0 * least)
     return (
         damping,
-        Value(ceil(least / dt), "steps", reason),
-        Value(ceil(most / dt), "steps", "20 periods: a bed that still moves then is refused"),
+        Value(_steps("numerics.settle_time", least, least, dt), "steps", reason),
+        Value(
+            _steps("numerics.settle_time", least, most, dt),
+            "steps",
+            "20 periods: a bed that still moves then is refused",
+        ),
     )
 
 
@@ -221,15 +227,21 @@ def _settle_energy(scene: TankScene) -> Value[float]:
 
 
 def _drive_steps(scene: TankScene, dt: float) -> Value[int]:
-    steps = ceil(scene.drive.distance / (scene.drive.speed * dt))
-    if steps > MAX_STEPS:
-        raise CaseError(
-            "drive.distance",
-            scene.drive.distance,
-            f"at drive.speed this takes {steps:.3g} steps of {dt:.3g} s",
-            f"keep it under {MAX_STEPS:.0e} steps: a shorter distance, or a higher speed",
-        )
+    time = scene.drive.distance / scene.drive.speed
+    steps = _steps("drive.distance", scene.drive.distance, time, dt)
     return Value(steps, "steps", "distance over speed over time step")
+
+
+def _steps(key: str, value: float, time: float, dt: float) -> int:
+    """Steps of a duration (s); CaseError names the key behind it when they are too many."""
+    if time / dt > MAX_STEPS:
+        raise CaseError(
+            key,
+            value,
+            f"this takes {time / dt:.3g} steps of {dt:.3g} s",
+            f"keep it under {MAX_STEPS:.0e} steps",
+        )
+    return ceil(time / dt)
 
 
 def _sample_every(scene: TankScene, impact: float, dt: float) -> Value[int]:
@@ -250,8 +262,13 @@ def _row_every(scene: TankScene, sample: int, dt: float) -> Value[int]:
 
 def _snapshot_every(scene: TankScene, drive_steps: int) -> Value[int]:
     diameters = scene.drive.distance / scene.intruder.diameter
-    count = min(max(ceil(diameters / 2.0), 2), 10)
-    return Value(ceil(drive_steps / count), "steps", f"{count} snapshots of the bed, for its depth")
+    count = min(max(ceil(diameters / 4.0), 2), 6)
+    return Value(drive_steps // count, "steps", f"{count} snapshots of the bed, for pictures")
+
+
+def _surface_every(scene: TankScene, row: int, dt: float) -> Value[int]:
+    steps = 0.1 * scene.intruder.diameter / (scene.drive.speed * dt)
+    return Value(row * max(round(steps / row), 1), "steps", "far surface every 1/10 D: its depth")
 
 
 def _trajectory_every(scene: TankScene, dt: float) -> Value[int]:
@@ -262,6 +279,13 @@ def _trajectory_every(scene: TankScene, dt: float) -> Value[int]:
 def _skin(scene: TankScene) -> Value[float]:
     chosen = scene.numerics.skin
     if chosen is not None:
+        if chosen > scene.grains.diameter:
+            raise CaseError(
+                "numerics.skin",
+                chosen,
+                "a neighbour skin wider than a grain only costs time",
+                f"choose at most {scene.grains.diameter:.3g} m; {SKIN} d is derived",
+            )
         return Value(chosen, "m", "set by hand")
     return Value(
         float(f"{SKIN * scene.grains.diameter:.3g}"),
@@ -340,6 +364,11 @@ def _warnings(
         yield (
             f"The cylinder re-enters its own wake: drive.distance is {drive.distance:.4g} m, "
             f"tank.length {box.length:.4g} m."
+        )
+    elif drive.distance > scene.fresh_distance:
+        yield (
+            "The far field will hold grains that have passed the cylinder: drive.distance is "
+            f"{drive.distance:.4g} m, and they arrive after {scene.fresh_distance:.4g} m."
         )
     if grip.value > 0.5:
         yield (

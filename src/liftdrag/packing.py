@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from liftdrag.errors import InputError
+
 TOLERANCE = 2e-3
 MAX_SWEEPS = 4000
 
@@ -51,7 +53,7 @@ def random_bed(container: Container, count: int, rng: np.random.Generator) -> np
     """Centres (count, 3) of a dense random bed, in grain diameters.
 
     No two grains, nor a grain and the floor or the cylinder, overlap by more
-    than `TOLERANCE` diameters. Raises ValueError when the grains do not fit.
+    than `TOLERANCE` diameters. Raises InputError when the grains do not fit.
     """
     start = _scatter(container, count, rng)
     return _Relaxation(container, start).run()
@@ -105,8 +107,9 @@ class _Relaxation:
             move = np.clip(step * velocity, -0.1, 0.1)
             self.x += move
             self._follow(move)
-        raise ValueError(
-            f"the grains did not find room: {len(self.x)} of them still overlap by {worst:.3g} d"
+        raise InputError(
+            f"The bed cannot be packed: its {len(self.x)} grains still overlap by {worst:.2g} d; "
+            "make the tank larger about the cylinder."
         )
 
     def _wrapped(self) -> np.ndarray:

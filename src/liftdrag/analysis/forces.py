@@ -84,6 +84,8 @@ def answers(series: Series, discard: float) -> ForceAnswers:
 
     Raises InputError when too little is left for an error bar.
     """
+    if not (isfinite(discard) and discard >= 0.0):
+        raise InputError(f"--discard {discard} is not a time; give seconds, at least zero.")
     start = int(np.searchsorted(series.time, series.time[0] + discard))
     try:
         window = common_window([steady_window(series[name], start) for name in _NAMES])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import hypot, isfinite
+from math import floor, hypot, isfinite, log10
 from typing import Any
 
 from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES, Average
@@ -46,21 +46,33 @@ class Quantity:
 def ratio(force: Quantity, scale: float, divisors: Sequence[Quantity], unit: str) -> Quantity:
     """scale x force / (the product of the divisors), their errors taken as independent.
 
-    The correlation time, the independent samples and `converged` are those of `force`.
+    The correlation time and the independent samples are those of `force`. It is converged
+    when the force is, and so is each divisor that adds noticeably to its error.
     """
     factor = scale
     for divisor in divisors:
         factor /= divisor.mean
-    mean = factor * force.mean
-    others = [mean * divisor.standard_error / divisor.mean for divisor in divisors]
+    mean, own = factor * force.mean, abs(factor) * force.standard_error
+    shares = [abs(mean) * divisor.standard_error / divisor.mean for divisor in divisors]
+    pairs = zip(divisors, shares, strict=True)
     return Quantity(
         mean,
-        hypot(factor * force.standard_error, *others),
+        hypot(own, *shares),
         unit,
         force.correlation_time,
         force.n_independent,
-        force.converged,
+        force.converged and all(divisor.converged or share < own / 2 for divisor, share in pairs),
     )
+
+
+def rounded(mean: float, error: float) -> tuple[str, str]:
+    """A mean and its error as text, both to the error's second significant digit."""
+    if not isfinite(error) or error <= 0.0:
+        return f"{mean:.5g}", f"{error:.2g}"
+    digits = 1 - floor(log10(error))
+    if abs(mean) >= 1e5 or digits > 6:
+        return f"{mean:.5g}", f"{error:.2g}"
+    return f"{mean:.{max(digits, 0)}f}", f"{error:.{max(digits, 0)}f}"
 
 
 def shortcomings(forces: Mapping[str, Quantity], window: SteadyWindow) -> Iterator[str]:

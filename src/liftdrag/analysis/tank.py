@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import hypot, pi
 
 import numpy as np
 
@@ -13,15 +13,20 @@ from liftdrag.analysis.errorbars import average
 from liftdrag.analysis.quantity import Quantity, ratio, shortcomings
 from liftdrag.analysis.steady import SteadyWindow, common_window, steady_window
 from liftdrag.analysis.surface import surface_height
-from liftdrag.errors import SeriesTooShort
+from liftdrag.errors import InputError, SeriesTooShort
 from liftdrag.granular import GRAVITY
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import TRANSIENT
 from liftdrag.series import Series
-from liftdrag.snapshot import Snapshot
 
 SLIP = 0.05
 """Departure of the far bed's speed from the drive's that is warned about."""
+
+
+Surface = tuple[float, np.ndarray]
+"""A time (s), and the heights (n,) in m of the far field's top grains."""
+
+_FAR_FIELD = ("solid_fraction", "depth", "overburden", "bed_speed_ratio")
 
 
 @dataclass(frozen=True)
@@ -33,24 +38,25 @@ class Answers:
     warnings: tuple[str, ...]
 
 
-def answers(scene: TankScene, series: Series, snapshots: Sequence[Snapshot]) -> Answers:
+def answers(scene: TankScene, series: Series, surfaces: Iterable[Surface]) -> Answers:
     """The averages of a tank's steady window.
 
     `series` has the channels drag, lift (N), bed_speed (m/s), solid_fraction and
-    overburden (Pa). A force without a trustworthy error is not converged, and a
-    warning says so.
+    overburden (Pa); `surfaces` the heights of the far field's top grains at some
+    times. A quantity without a trustworthy error is not converged, and a warning
+    says so. Raises InputError when the series ends before the flow is steady.
     """
     window = _window(scene, series)
     mean = {name: _average(series, name, window) for name in series.channels}
-    depth = _depth(scene, snapshots)
-    effective = _effective_depth(scene, depth, mean["solid_fraction"])
+    depth = _depth(scene, surfaces, series.time[window.start], series.time[window.stop - 1])
+    fraction = mean["solid_fraction"]
     quantities = {
         "drag": mean["drag"],
         "lift": mean["lift"],
-        **_coefficients(scene, mean, effective),
-        "solid_fraction": mean["solid_fraction"],
+        **_coefficients(scene, mean, _weight(scene, depth, fraction)),
+        "solid_fraction": fraction,
         "depth": depth,
-        "effective_depth": effective,
+        "effective_depth": _effective_depth(scene, depth, fraction),
         "overburden": mean["overburden"],
         "bed_speed_ratio": ratio(mean["bed_speed"], 1.0 / scene.drive.speed, [], "1"),
         "inertial_number": _inertial_number(scene, mean["overburden"]),
@@ -61,6 +67,11 @@ def answers(scene: TankScene, series: Series, snapshots: Sequence[Snapshot]) -> 
 def _window(scene: TankScene, series: Series) -> SteadyWindow:
     skipped = TRANSIENT * scene.intruder.diameter / scene.drive.speed
     start = int(np.searchsorted(series.time, skipped))
+    if len(series) - start < 2:
+        raise InputError(
+            f"The series ends after {len(series)} samples, before the flow is steady; "
+            "run the case again."
+        )
     try:
         return common_window([steady_window(series[name], start) for name in ("drag", "lift")])
     except SeriesTooShort:
@@ -68,54 +79,72 @@ def _window(scene: TankScene, series: Series) -> SteadyWindow:
 
 
 def _average(series: Series, name: str, window: SteadyWindow) -> Quantity:
-    """The average of a channel; one too slow for an error bar gets its whole spread as error."""
-    values, unit = series[name][window.start : window.stop], series.units[name]
+    values = series[name][window.start : window.stop]
+    return _quantity(values, series.interval, series.units[name])
+
+
+def _quantity(values: np.ndarray, interval: float, unit: str) -> Quantity:
+    """The average of a series; one too slow for an error bar gets its whole spread as error."""
     try:
-        return Quantity.of(average(values, series.interval), unit)
+        return Quantity.of(average(values, interval), unit)
     except SeriesTooShort:
         return Quantity(float(values.mean()), float(values.std()), unit, None, 1.0, False)
 
 
-def _depth(scene: TankScene, snapshots: Sequence[Snapshot]) -> Quantity:
-    """Depth of the axis below the far field's free surface, over the snapshots."""
-    area = scene.far_length * scene.tank.thickness
-    surfaces = []
-    for snapshot in snapshots:
-        x, z = snapshot.position[:, 0], snapshot.position[:, 2]
-        far = (snapshot.kind == 1) & (x % scene.tank.length < scene.far_length)
-        surfaces.append(surface_height(z[far], scene.grains.diameter, area, scene.far_band))
-    depths = np.array(surfaces) - scene.axis_height
-    n = len(depths)
-    error = float(depths.std(ddof=1) / sqrt(n)) if n > 1 else float("inf")
-    return Quantity(float(depths.mean()), error, "m", None, float(n), n > 1)
+def _depth(scene: TankScene, surfaces: Iterable[Surface], start: float, end: float) -> Quantity:
+    """Depth of the axis below the far field's free surface, from `start` to `end` (s)."""
+    (left, right), (low, high) = scene.far_field, scene.far_band
+    d, area = scene.grains.diameter, (right - left) * scene.tank.thickness
+    inside = [(time, heights) for time, heights in surfaces if start <= time <= end]
+    if len(inside) < 2:
+        raise InputError("The far field's surface was not recorded; run the case again.")
+    levels = [surface_height(heights, d, area, (low + d, high)) for _, heights in inside]
+    interval = (inside[-1][0] - inside[0][0]) / (len(inside) - 1)
+    return _quantity(np.array(levels) - scene.axis_height, interval, "m")
+
+
+def _lid_columns(scene: TankScene) -> float:
+    """(pi d / 6) rho*/rho_g: the lid as a height (m) of solid material of the grains."""
+    if scene.lid is None:
+        return 0.0
+    return granular.lid_depth(scene.grains.diameter, scene.lid.density_ratio)
+
+
+def _combined(depth: Quantity, mean: float, error: float, unit: str, used: bool) -> Quantity:
+    """A quantity made of the depth, where it is `used`, and of the solid fraction."""
+    time, count = depth.correlation_time, depth.n_independent
+    return Quantity(mean, error, unit, time, count, depth.converged or not used)
 
 
 def _effective_depth(scene: TankScene, depth: Quantity, fraction: Quantity) -> Quantity:
     """h~ = h + (pi d / 6) rho*/rho, without h where the bulk has no weight."""
-    grains, lid = scene.grains, scene.lid
-    own = depth.mean if scene.bulk_gravity else 0.0
-    own_error = depth.standard_error if scene.bulk_gravity else 0.0
-    above, above_error = 0.0, 0.0
-    if lid is not None:
-        ratio_to_bulk = lid.density_ratio / fraction.mean
-        above = granular.lid_depth(grains.diameter, ratio_to_bulk)
-        above_error = above * fraction.standard_error / fraction.mean
-    error = float(np.hypot(own_error, above_error))
-    return Quantity(own + above, error, "m", None, depth.n_independent, depth.converged)
+    own = 1.0 if scene.bulk_gravity else 0.0
+    lid = _lid_columns(scene) / fraction.mean
+    error = hypot(own * depth.standard_error, lid * fraction.standard_error / fraction.mean)
+    return _combined(depth, own * depth.mean + lid, error, "m", own > 0.0)
+
+
+def _weight(scene: TankScene, depth: Quantity, fraction: Quantity) -> Quantity:
+    """rho g h~ (Pa), in which the solid fraction multiplies the depth but not the lid."""
+    own = 1.0 if scene.bulk_gravity else 0.0
+    scale = scene.grains.density * GRAVITY
+    solid = own * fraction.mean * depth.mean + _lid_columns(scene)
+    error = own * hypot(fraction.mean * depth.standard_error, depth.mean * fraction.standard_error)
+    return _combined(depth, scale * solid, scale * error, "Pa", own > 0.0)
 
 
 def _coefficients(
-    scene: TankScene, mean: dict[str, Quantity], depth: Quantity
+    scene: TankScene, mean: dict[str, Quantity], weight: Quantity
 ) -> dict[str, Quantity]:
     """C_d = F/(rho g h~ D L), C_l = F/(rho g (pi D^2/4) L), and C_d by the measured overburden."""
     front = scene.intruder.diameter * scene.tank.thickness
     section = pi * scene.intruder.diameter**2 / 4.0 * scene.tank.thickness
-    weight = scene.grains.density * GRAVITY
-    fraction = mean["solid_fraction"]
+    buoyancy = scene.grains.density * GRAVITY * section
+    drag, lift, overburden = mean["drag"], mean["lift"], mean["overburden"]
     return {
-        "drag_coefficient": ratio(mean["drag"], 1.0 / (weight * front), [fraction, depth], "1"),
-        "lift_coefficient": ratio(mean["lift"], 1.0 / (weight * section), [fraction], "1"),
-        "drag_coefficient_overburden": ratio(mean["drag"], 1.0 / front, [mean["overburden"]], "1"),
+        "drag_coefficient": ratio(drag, 1.0 / front, [weight], "1"),
+        "lift_coefficient": ratio(lift, 1.0 / buoyancy, [mean["solid_fraction"]], "1"),
+        "drag_coefficient_overburden": ratio(drag, 1.0 / front, [overburden], "1"),
     }
 
 
@@ -137,6 +166,12 @@ def _inertial_number(scene: TankScene, overburden: Quantity) -> Quantity:
 
 def _warnings(quantities: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]:
     yield from shortcomings({name: quantities[name] for name in ("drag", "lift")}, window)
+    drifting = [name for name in _FAR_FIELD if not quantities[name].converged]
+    if drifting:
+        yield (
+            f"The far field changes slowly: the errors of {', '.join(drifting)} are guesses, "
+            "from few correlation times."
+        )
     speed = quantities["bed_speed_ratio"]
     if abs(speed.mean - 1.0) > SLIP:
         yield (

@@ -11,11 +11,18 @@ ALLOWED = frozenset(
     reset_timestep run thermo thermo_modify thermo_style timestep unfix units variable
     velocity write_dump""".split()
 )
-"""The only engine commands a deck may hold: none that runs programs or reads other files."""
-
+"""The only engine commands a deck may hold: none that runs programs or includes other decks."""
 
 ALLOWED_IN_IF = frozenset({"print", "quit"})
 """The only commands that an `if` of a deck may run."""
+
+STYLES = {
+    "variable": (2, {"index", "equal"}),
+    "compute": (3, {"reduce", "reduce/region", "ke"}),
+    "dump": (3, {"custom"}),
+    "fix": (3, set("ave/time gravity halt move nve/sphere viscous wall/gran/region".split())),
+}
+"""Commands that have styles: the place of the style's word, and the styles allowed."""
 
 
 def check_commands(text: str) -> None:
@@ -36,13 +43,18 @@ def _check(command: str, allowed: frozenset[str]) -> None:
 
 def _consequences(command: str) -> Iterator[str]:
     """The commands that an `if` would run."""
-    quoted = command.partition(" then ")[2]
+    quoted = re.split(r"\sthen\s", command, maxsplit=1)[-1]
     for match in re.finditer(r"\"([^\"]*)\"|'([^']*)'|(\S+)", quoted):
         yield next(part for part in match.groups() if part is not None)
 
 
 def _harmless(words: list[str]) -> bool:
-    """Whether a command is of the forms that the templates use, clear of files and the shell."""
-    if words[0] == "variable":
-        return len(words) > 2 and words[2] in {"index", "equal"}
-    return words[0] != "print" or not {"file", "append"} & set(words[1:])
+    """Whether a command is of the forms that the templates use, and stays in its folder."""
+    if any(word.startswith(("/", "~", "..")) for word in words):
+        return False
+    if words[0] in STYLES:
+        place, styles = STYLES[words[0]]
+        return len(words) > place and words[place] in styles
+    if words[0] == "run":
+        return len(words) == 2
+    return words[0] != "print" or not {"file", "append"} & set(words)

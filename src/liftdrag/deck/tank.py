@@ -27,7 +27,7 @@ def build(
     ranks: int = 1,
     dump: bool = False,
 ) -> Deck:
-    """The LAMMPS deck of a tank; `dump` adds a trajectory. Raises ValueError when packing fails."""
+    """The LAMMPS deck of a tank; `dump` adds a trajectory. Raises InputError when packing fails."""
     positions, types = _bed(scene)
     context = _context(scene, numerics) | {
         "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
@@ -141,15 +141,16 @@ def _geometry(scene: TankScene) -> dict[str, Any]:
 def _far_field(scene: TankScene) -> dict[str, Any]:
     """The far field about the cylinder's height, clear of the surface and the bottom layer."""
     grains, box = scene.grains, scene.tank
-    d, length = grains.diameter, scene.far_length
-    low, high = scene.far_band
+    d, (left, right) = grains.diameter, scene.far_field
+    length, (low, high) = right - left, scene.far_band
     lid_weight = 0.0
     if scene.lid is not None:
         layer = len(square_layer(box.length / d, box.thickness / d, 0.0))
         lid_mass = scene.lid.density_ratio * grains.mass
         lid_weight = layer * lid_mass * GRAVITY / (box.length * box.thickness)
     return {
-        "far_x": length,
+        "far_left": left,
+        "far_right": right,
         "far_low": low,
         "far_high": high,
         "far_volume": length * box.thickness * (high - low),
@@ -164,7 +165,7 @@ def _steps(numerics: Numerics) -> dict[str, Any]:
     x, y, z = numerics.processors.value
     names = (
         "time_step settle_damping settle_energy settle_steps settle_steps_max drive_steps "
-        "sample_every row_every snapshot_every progress_every skin sort_every"
+        "sample_every row_every snapshot_every surface_every progress_every skin sort_every"
     ).split()
     values = {name: getattr(numerics, name).value for name in names}
     return values | {

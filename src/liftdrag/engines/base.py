@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, Protocol
 
+import numpy as np
+
 from liftdrag.deck import Plan
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
@@ -43,6 +45,9 @@ class Engine(Protocol):
 
     name: str
 
+    def check(self, ranks: int) -> None:
+        """Raise InputError when the engine cannot start on so many ranks."""
+
     def join(self) -> NoReturn:
         """As a rank other than 0 of an MPI job: take part in the run that rank 0 will start."""
 
@@ -54,6 +59,9 @@ class Engine(Protocol):
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The measured series of the drive stage."""
+
+    def surfaces(self, plan: Plan, folder: Path) -> Iterator[tuple[float, np.ndarray]]:
+        """Times (s) of the drive stage, and the heights (n,) in m of the far field's top grains."""
 
     def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
         """The beds of the drive stage, in order of time; the first is the settled bed."""

@@ -18,9 +18,17 @@ _SIGNAL = re.compile(r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$", re.M
 _END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
 _UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
 _CAUSES = (
-    (r"Lost atoms|lost atoms", "lost_grains", "grains left the box"),
-    (r"[Nn]on-numeric|out of range - cannot compute", "not_finite", "a position is not a number"),
-    (r"No space left on device", "disk_full", "the disk is full"),
+    (
+        r"^ERROR.*[Ll]ost atoms",
+        "lost_grains",
+        "grains left the box; a smaller numerics.time_step may help",
+    ),
+    (
+        r"^ERROR.*([Nn]on-numeric|out of range - cannot compute)",
+        "not_finite",
+        "a position is not a number; a smaller numerics.time_step may help",
+    ),
+    (r"No space left on device", "disk_full", "the disk is full; free some and run again"),
 )
 
 
@@ -32,8 +40,8 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
     if _GRID.search(log) and ranks_of(log) != plan.ranks:
         return "engine_error", f"the engine ran on {ranks_of(log)} ranks, not {plan.ranks}"
     for pattern, status, reason in _CAUSES:
-        if re.search(pattern, log[-5000:] + said):
-            return status, f"{reason}; a smaller numerics.time_step may help"
+        if re.search(pattern, f"{log}\n{said}", re.MULTILINE):
+            return status, reason
     if unsettled := _UNSETTLED.search(log):
         return "engine_error", f"the bed did not come to rest: {unsettled[1]}"
     end = _END.search(log)
@@ -75,5 +83,6 @@ def last_words(*texts: str) -> str:
     lines = list(
         dict.fromkeys(line for part in texts for line in part.splitlines() if line.strip())
     )
+    lines = [line for line in lines if not line.startswith("=") and "FAQ" not in line]
     errors = [line for line in lines if line.startswith(("ERROR", "LIFTDRAG UNSETTLED"))]
     return "\n".join(errors[-3:] or lines[-5:])

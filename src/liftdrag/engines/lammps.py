@@ -16,9 +16,10 @@ from liftdrag.deck import Plan
 from liftdrag.engines import checks, mpi, process
 from liftdrag.engines.base import Outcome, Progress
 from liftdrag.engines.log import LogTail
+from liftdrag.errors import RunFailed
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
-from liftdrag.tables import read_table
+from liftdrag.tables import column, read_table
 
 LOG = "log.lammps"
 SAYS = "engine.out"
@@ -32,6 +33,11 @@ class Lammps:
 
     name = "lammps"
 
+    def check(self, ranks: int) -> None:
+        """Raise InputError when MPICH's launcher is needed and missing."""
+        if ranks > 1 and mpi.world().size == 1:
+            mpi.mpiexec()
+
     def join(self) -> NoReturn:
         """Become the child that waits for rank 0's announcement."""
         os.execv(_CHILD[0], _CHILD)
@@ -43,17 +49,21 @@ class Lammps:
 
     def run(self, plan: Plan, folder: Path, progress: Progress) -> Outcome:
         """Run the deck on its ranks: those of the MPI job around us, or new ones."""
-        task = [str(folder.resolve()), plan.start]
-        tail = LogTail(folder / LOG)
-        poll = _reporter(tail, progress)
-        environment = dict(os.environ) | {"OMP_NUM_THREADS": "1"}
-        if mpi.world().size > 1:
-            command = [*_CHILD, *task]
-            code = process.watch(command, folder, environment, poll, SAYS, own_group=False)
-        else:
-            command = [*_launcher(plan.ranks), *_CHILD, *task]
-            code = process.watch(command, folder, mpi.outside(environment), poll, SAYS)
+        poll = _reporter(LogTail(folder / LOG), progress)
+        code = process.watch(self._start(plan, folder), folder, poll)
         return _outcome(plan, folder, code)
+
+    def _start(self, plan: Plan, folder: Path) -> process.Started:
+        command = [*_CHILD, str(folder.resolve()), plan.start]
+        environment = dict(os.environ) | {"OMP_NUM_THREADS": "1"}
+        if mpi.world().size == 1:
+            command = [*_launcher(plan.ranks), *command]
+            return process.start(command, folder, mpi.outside(environment), SAYS)
+        try:
+            return process.start(command, folder, environment, SAYS, own_group=False)
+        except RunFailed:
+            self.release()
+            raise
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The series of `fix ave/time`, time zero where the drive starts."""
@@ -62,15 +72,20 @@ class Lammps:
         files = [read_table(folder / name, "ave-time") for name in plan.series]
         table = pd.concat([file.set_index("TimeStep") for file in files], axis=1, join="inner")
         units = {name: unit for file in plan.series.values() for name, unit in file.items()}
-        channels = {name: table[f"v_{name}"].to_numpy(float) for name in units}
+        channels = {name: column(table, f"v_{name}") for name in units}
         return Series(table.index.to_numpy(float) * plan.time_step, channels, units)
 
     def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
-        """The settled bed, then those of the drive stage."""
-        for name in ("settled.dump", "snapshots.dump"):
-            for step, rows in read_dump(folder / name):
-                time = 0.0 if name == "settled.dump" else step * plan.time_step
-                yield Snapshot(time, rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:8])
+        """Those of `snapshots.dump`; the first is the settled bed at full speed."""
+        for step, rows in read_dump(folder / "snapshots.dump"):
+            yield Snapshot(
+                step * plan.time_step, rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:8]
+            )
+
+    def surfaces(self, plan: Plan, folder: Path) -> Iterator[tuple[float, np.ndarray]]:
+        """Those of `surface.dump`."""
+        for step, rows in read_dump(folder / "surface.dump"):
+            yield step * plan.time_step, rows[:, 0]
 
 
 def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:

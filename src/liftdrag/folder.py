@@ -1,0 +1,107 @@
+"""The folder of a run: found free, written whole, read with suspicion."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from liftdrag.deck import Plan
+from liftdrag.errors import InputError, RunFailed
+
+RECORD = "run.json"
+RESULT = "result.json"
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a run's folder must say about itself to be read again: `run.json`."""
+
+    case: str
+    tables: dict[str, Any]
+    engine: str
+    plan: Plan
+    warnings: list[str]
+    provenance: dict[str, Any]
+
+    def write(self, folder: Path) -> None:
+        """Write it into the folder. Raises RunFailed."""
+        write_json(folder / RECORD, asdict(self))
+
+    @classmethod
+    def read(cls, folder: Path) -> Record:
+        """The record of a folder. Raises InputError when it is missing or damaged."""
+        found = read_json(folder / RECORD)
+        try:
+            return cls(**found | {"plan": Plan(**found["plan"])})
+        except (KeyError, TypeError):
+            raise _damaged(folder / RECORD) from None
+
+
+def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
+    """A folder to write to: `out`, which must be empty or new, or the next free one."""
+    try:
+        return _next_free(Path(parent) / name) if out is None else _empty(Path(out))
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"The folder {out or parent} cannot be used: {reason}.") from None
+
+
+def _empty(folder: Path) -> Path:
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"--out {folder} exists and is not an empty folder; choose another.")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _next_free(base: Path) -> Path:
+    number, folder = 1, base
+    while True:
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            number += 1
+            folder = base.with_name(f"{base.name}-{number}")
+        else:
+            return folder
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object of a file. Raises InputError when it is missing or damaged."""
+    try:
+        found = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            f"{path.parent} holds no {path.name}: no run of liftdrag has ended there."
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from None
+    except ValueError:
+        raise _damaged(path) from None
+    if not isinstance(found, dict):
+        raise _damaged(path)
+    return found
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError(f"{path} is damaged; run the case again.")
+
+
+def write_json(path: Path, record: Mapping[str, Any]) -> None:
+    """Write a whole file or none: to a name beside it first, then renamed. Raises RunFailed."""
+    beside = path.with_suffix(".part")
+    try:
+        with beside.open("w", encoding="utf-8") as file:
+            json.dump(record, file, indent=2)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        raise RunFailed(status, f"{path} cannot be written: {error.strerror}.") from None
