@@ -26,7 +26,7 @@ SETTLED = 1e-4
 SETTLED_FRACTION = 0.6
 """Solid fraction expected of a settled bed."""
 
-SKIN = 0.1
+SKIN = 0.08
 """Neighbour skin in grain diameters."""
 
 DRAG_COEFFICIENT = 10.0
@@ -248,7 +248,7 @@ def _sample_every(scene: TankScene, impact: float, dt: float) -> Value[int]:
     chosen = scene.numerics.sample_every
     if chosen is not None:
         return Value(chosen, "steps", "set by hand")
-    return Value(max(int(impact / (2.5 * dt)), 1), "steps", "2.5 samples in the shortest contact")
+    return Value(max(int(impact / (2.0 * dt)), 1), "steps", "two samples in the shortest contact")
 
 
 def _row_every(scene: TankScene, sample: int, dt: float) -> Value[int]:
@@ -290,7 +290,7 @@ def _skin(scene: TankScene) -> Value[float]:
     return Value(
         float(f"{SKIN * scene.grains.diameter:.3g}"),
         "m",
-        f"{SKIN} d: fewest pairs tested and lists built, measured",
+        f"{SKIN} d: the least time in pairs and lists together, measured",
     )
 
 

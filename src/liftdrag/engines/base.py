@@ -23,7 +23,11 @@ def silent(_stage: str, _done: int, _total: int) -> None:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended, decided from evidence; `status` is "finished" or the reason in a word."""
+    """How a run ended, decided from evidence; `status` is "finished" or the reason in a word.
+
+    `loop_s` is the time on the clock of the engine's loops, `cpu_s` the processor
+    time of all its ranks, in seconds.
+    """
 
     status: str
     reason: str
@@ -33,11 +37,7 @@ class Outcome:
     steps: int
     grains: int
     loop_s: float
-
-    @property
-    def cpu_s(self) -> float:
-        """Processor time of the engine's loops, in seconds."""
-        return self.loop_s * self.ranks
+    cpu_s: float
 
 
 class Engine(Protocol):

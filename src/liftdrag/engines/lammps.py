@@ -50,8 +50,11 @@ class Lammps:
     def run(self, plan: Plan, folder: Path, progress: Progress) -> Outcome:
         """Run the deck on its ranks: those of the MPI job around us, or new ones."""
         poll = _reporter(LogTail(folder / LOG), progress)
+        before = process.cpu_of_children()
         code = process.watch(self._start(plan, folder), folder, poll)
-        return _outcome(plan, folder, code)
+        own_ranks = mpi.world().size
+        cpu_s = own_ranks * (process.cpu_of_children() - before)
+        return _outcome(plan, folder, code, cpu_s)
 
     def _start(self, plan: Plan, folder: Path) -> process.Started:
         command = [*_CHILD, str(folder.resolve()), plan.start]
@@ -119,7 +122,7 @@ def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:
     return poll
 
 
-def _outcome(plan: Plan, folder: Path, code: int) -> Outcome:
+def _outcome(plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
     log = checks.text(folder / LOG)
     said = checks.text(folder / SAYS)
     loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
@@ -134,4 +137,5 @@ def _outcome(plan: Plan, folder: Path, code: int) -> Outcome:
         steps=sum(n for _, n, _ in loops),
         grains=loops[-1][2] if loops else 0,
         loop_s=sum(s for s, _, _ in loops),
+        cpu_s=cpu_s,
     )

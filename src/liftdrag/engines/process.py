@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -83,6 +84,12 @@ def _look(folder: Path, poll: Callable[[], None]) -> None:
     if not folder.is_dir():
         raise RunFailed("engine_error", f"the folder {folder} vanished during the run")
     poll()
+
+
+def cpu_of_children() -> float:
+    """Processor time (s) of all the children of this process that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def stop(started: Started) -> None:
