@@ -124,7 +124,7 @@ def test_rows_are_whole_samples_and_samples_catch_each_contact(
         found.time_step.value
     )
     if chosen is None:
-        assert 2.5 * sample * found.time_step.value <= found.hertz_time.value
+        assert 2.0 * sample * found.time_step.value <= found.hertz_time.value
 
 
 @settings(deadline=None, max_examples=64)
