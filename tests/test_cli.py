@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import TINY
+from conftest import TINY, tiny_tank
 from rich.console import Console
 
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import packaged
+from liftdrag.contacts import read_contact_dump
+from liftdrag.numerics import derive
 from liftdrag.report import table
 from liftdrag.scene import TankScene
 
@@ -191,22 +193,28 @@ def test_analyze_of_a_contact_dump_of_a_real_run(tmp_path):
     """Contacts dumped the old way sum to the forces that the deck itself sums."""
     (tmp_path / "tiny.toml").write_text(TINY)
     liftdrag("build-deck", "tiny.toml", "--out", "deck", folder=tmp_path)
-    deck = tmp_path / "deck" / "in.tank"
-    dump = 'dump old grains custom 7 old.dump id f_wall[2] f_wall[4]\nprint "LIFTDRAG STAGE drive'
+    deck, numerics = tmp_path / "deck" / "in.tank", derive(tiny_tank().scene)
+    every, row = numerics.sample_every.value, numerics.row_every.value
+    dump = f"dump old grains custom {every} old.dump id f_wall[2] f_wall[4]\n"
+    dump += 'print "LIFTDRAG STAGE drive'
     text = deck.read_text().replace('print        "LIFTDRAG STAGE drive', dump)
     deck.write_text(text)
     lmp = Path(sysconfig.get_path("scripts")) / "lmp"
     words = [lmp, "-in", "in.tank", "-var", "drive_steps", "5600"]
     subprocess.run(words, cwd=deck.parent, check=True, capture_output=True, timeout=120)
     options = ("--form", "contacts", "--drag", "f_wall[2]", "--lift", "f_wall[4]", "--sign", "-1")
-    step = 1.42e-5
+    step = numerics.time_step.value
     done = liftdrag("analyze", deck.parent / "old.dump", *options, "--time-step", step, "--json")
     assert done.returncode == 0, done.stderr
     old = json.loads(done.stdout)
     forces = np.loadtxt(deck.parent / "forces.dat")
-    seconds = forces[:, 0] * step
-    inside = seconds > old["steady_window"]["start_s"]
+    inside = forces[:, 0] * step > old["steady_window"]["start_s"]
     assert old["quantities"]["drag"]["mean"] == pytest.approx(forces[inside, 1].mean(), rel=0.01)
+    sums = read_contact_dump(deck.parent / "old.dump", "f_wall[2]", "f_wall[4]", -1.0)
+    sums = sums[(sums["step"] > 0) & (sums["step"] <= forces[-1, 0])]
+    rows = sums.groupby((sums["step"] - 1) // row).mean()
+    assert rows["drag"].to_numpy() == pytest.approx(forces[:, 1], rel=1e-3, abs=1e-6)
+    assert rows["lift"].to_numpy() == pytest.approx(forces[:, 2], rel=1e-3, abs=1e-6)
 
 
 @pytest.mark.parametrize(
