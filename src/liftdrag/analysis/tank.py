@@ -26,6 +26,9 @@ SLIP = 0.05
 Surface = tuple[float, np.ndarray]
 """A time (s), and the heights (n,) in m of the far field's top grains."""
 
+NOTICED = 0.01
+"""Relative error of a far-field quantity above which few correlation times are worth a word."""
+
 _FAR_FIELD = ("solid_fraction", "depth", "overburden", "bed_speed_ratio")
 
 
@@ -164,9 +167,13 @@ def _inertial_number(scene: TankScene, overburden: Quantity) -> Quantity:
     )
 
 
+def _doubtful(quantity: Quantity) -> bool:
+    return not quantity.converged and quantity.standard_error > NOTICED * abs(quantity.mean)
+
+
 def _warnings(quantities: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]:
     yield from shortcomings({name: quantities[name] for name in ("drag", "lift")}, window)
-    drifting = [name for name in _FAR_FIELD if not quantities[name].converged]
+    drifting = [name for name in _FAR_FIELD if _doubtful(quantities[name])]
     if drifting:
         yield (
             f"The far field changes slowly: the errors of {', '.join(drifting)} are guesses, "
