@@ -66,7 +66,7 @@ def draw_bed(scene: TankScene, snapshot: Snapshot, path: Path) -> None:
     from matplotlib.patches import Circle
 
     x, z, width, speed = _slice(scene, snapshot)
-    figure = Figure(figsize=(10.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(10.0, 1.0 + 8.0 * z.max() / np.ptp(x)), layout="constrained")
     axes = figure.subplots()
     centres = {"offsets": np.column_stack([x, z]), "offset_transform": axes.transData}
     grains = EllipseCollection(width, width, 0.0, units="x", **centres)
