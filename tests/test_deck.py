@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 from typing import Any
 
 import jinja2
@@ -274,6 +275,18 @@ def test_grains_lie_inside_the_box_that_the_data_file_states(case: Case, decks: 
     assert np.all(rows[:, 4:] >= box[:, 0])
     assert np.all(rows[:, 4:] <= box[:, 1])
     assert rows[:, 6].max() + D / 2.0 < box[2, 1]
+
+
+@experiment
+def test_bed_is_packed_loosely_under_its_packed_height(case: Case, decks: dict[str, Deck]):
+    scene, rows = case.scene, atoms(decks[case.name])
+    grains = rows[rows[:, 1] == 1]
+    tank, bare = scene.tank, pi * scene.intruder.diameter**2 / 4.0
+    area = tank.length * (scene.packed_height - 0.8 * D)
+    fraction = len(grains) * pi * D**3 / 6.0 / ((area - bare) * tank.thickness)
+    assert fraction == pytest.approx(0.58, rel=1e-9)
+    assert tank.height < scene.packed_height < 1.02 * tank.height
+    assert scene.packed_height - D < grains[:, 6].max() < scene.packed_height - 0.49 * D
 
 
 @experiment

@@ -11,6 +11,7 @@ from liftdrag import granular, hertz
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
 from liftdrag.scene import TankScene
+from liftdrag.scene.tank import SETTLED_FRACTION
 
 T = TypeVar("T")
 
@@ -22,9 +23,6 @@ STEP_BOUND = 0.2
 
 SETTLED = 1e-4
 """Kinetic energy per grain, over m g d, below which a bed is settled."""
-
-SETTLED_FRACTION = 0.6
-"""Solid fraction expected of a settled bed."""
 
 SKIN = 0.08
 """Neighbour skin in grain diameters."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import hypot, pi
+from math import hypot
 
 import numpy as np
 
@@ -141,8 +141,8 @@ def _coefficients(
 ) -> dict[str, Quantity]:
     """C_d = F/(rho g h~ D L), C_l = F/(rho g (pi D^2/4) L), and C_d by the measured overburden."""
     front = scene.intruder.diameter * scene.tank.thickness
-    section = pi * scene.intruder.diameter**2 / 4.0 * scene.tank.thickness
-    buoyancy = scene.grains.density * GRAVITY * section
+    displaced = scene.intruder.section * scene.tank.thickness
+    buoyancy = scene.grains.density * GRAVITY * displaced
     drag, lift, overburden = mean["drag"], mean["lift"], mean["overburden"]
     return {
         "drag_coefficient": ratio(drag, 1.0 / front, [weight], "1"),

@@ -63,7 +63,7 @@ def _plan(numerics: Numerics, ranks: int) -> Plan:
 def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:
     """Centres (n, 3) in metres and types (n,): grains 1, bottom layer 2, lid 3."""
     d, box = scene.grains.diameter, scene.tank
-    length, thickness, height = box.length / d, box.thickness / d, box.height / d
+    length, thickness, height = box.length / d, box.thickness / d, scene.packed_height / d
     bottom = square_layer(length, thickness, 0.5)
     container = Container(
         length=length,
@@ -83,7 +83,7 @@ def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _headroom(scene: TankScene) -> float:
-    return scene.tank.height + 10.0 * scene.grains.diameter + 3.0 * scene.intruder.diameter
+    return scene.packed_height + 10.0 * scene.grains.diameter + 3.0 * scene.intruder.diameter
 
 
 def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> str:

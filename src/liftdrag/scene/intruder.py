@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import pi
+
 from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Length
 
@@ -11,3 +13,8 @@ class Intruder(Part):
 
     diameter: Length
     depth: Length
+
+    @property
+    def section(self) -> float:
+        """Area of the cross-section, m^2."""
+        return pi * self.diameter**2 / 4.0

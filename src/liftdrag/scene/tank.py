@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -21,8 +20,11 @@ LID_DEPTH = 16.0
 WAKE = 8.0
 """Length in intruder diameters of the zone that the intruder disturbs."""
 
-PACKED_FRACTION = 0.59
-"""Solid fraction of the bed as packed; friction and gravity settle it to about 0.60."""
+PACKED_FRACTION = 0.58
+"""Solid fraction of the bed as packed, loose enough to settle to that of a poured one."""
+
+SETTLED_FRACTION = 0.588
+"""Solid fraction of a settled bed, of the grains that fill the tank to its height."""
 
 FLOOR = 0.8
 """Height in grain diameters at which the random bed begins, in the hollows of the bottom layer."""
@@ -115,10 +117,16 @@ class TankScene(Part):
     @property
     def grain_count(self) -> int:
         """Grains of the bed, without the bottom layer and the lid."""
-        box, intruder = self.tank, self.intruder
-        area = box.length * (box.height - FLOOR * self.grains.diameter)
-        free = (area - pi * intruder.diameter**2 / 4.0) * box.thickness
-        return round(PACKED_FRACTION * free / granular.sphere_volume(self.grains.diameter))
+        area = self.tank.length * (self.tank.height - FLOOR * self.grains.diameter)
+        free = (area - self.intruder.section) * self.tank.thickness
+        return round(SETTLED_FRACTION * free / granular.sphere_volume(self.grains.diameter))
+
+    @property
+    def packed_height(self) -> float:
+        """Height (m) of the bed as packed, before it settles to the tank's height."""
+        volume = self.grain_count * granular.sphere_volume(self.grains.diameter)
+        area = volume / (PACKED_FRACTION * self.tank.thickness) + self.intruder.section
+        return FLOOR * self.grains.diameter + area / self.tank.length
 
     @model_validator(mode="after")
     def _check(self) -> TankScene:
