@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import resources
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -16,12 +18,13 @@ import liftdrag.deck.tank
 from liftdrag.case import Case, load, packaged
 from liftdrag.deck import Deck
 from liftdrag.deck.commands import ALLOWED, check_commands
+from liftdrag.deck.dialect import DIALECTS, LAMMPS, Dialect
 from liftdrag.deck.tank import build
 from liftdrag.deck.template import render, template
 from liftdrag.numerics import derive
 from liftdrag.packing import TOLERANCE
 
-TEMPLATE = "lammps/tank.in.j2"
+ROOT = Path(str(resources.files("liftdrag.templates")))
 D, DENSITY, RATIO = 1.5e-3, 2500.0, 60.0
 
 FREE = Case(
@@ -58,12 +61,16 @@ EXPERIMENTS = {
     "lid": under_lid("lid", True),
     "lid alone has weight": under_lid("weightless", False),
 }
+TEMPLATES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.j2"))
+"""Every packaged template."""
+
+dialect = pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: dialect.name)
 experiment = pytest.mark.parametrize("case", EXPERIMENTS.values(), ids=EXPERIMENTS.keys())
 
 
-def deck_of(case: Case, name: str | None = None) -> Deck:
+def deck_of(case: Case, name: str | None = None, dialect: Dialect = LAMMPS) -> Deck:
     """The deck of a case."""
-    return build(case.scene, derive(case.scene), name or case.name, "1.2.3")
+    return build(case.scene, derive(case.scene), name or case.name, "1.2.3", dialect=dialect)
 
 
 @pytest.fixture(scope="module")
@@ -80,35 +87,39 @@ def unpacked(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def context_of(case: Case, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def context_of(case: Case, monkeypatch: pytest.MonkeyPatch, dialect: Dialect) -> dict[str, Any]:
     """What a deck's template is filled in with."""
     seen: list[dict[str, Any]] = []
 
     def keep(name: str, context: dict[str, Any]) -> str:
-        assert name == TEMPLATE
+        assert name == f"{dialect.folder}/tank.in.j2"
         seen.append(dict(context))
         return ""
 
     with monkeypatch.context() as patch:
         patch.setattr(liftdrag.deck.tank, "render", keep)
-        deck_of(case)
+        deck_of(case, dialect=dialect)
     return seen[0]
 
 
-def parsed() -> nodes.Template:
-    """The template's syntax tree."""
-    return jinja2.Environment(trim_blocks=True, lstrip_blocks=True).parse(template(TEMPLATE))
+def asked(name: str) -> set[str]:
+    """The names that a template asks for, and those that it includes or extends."""
+    tree = jinja2.Environment(trim_blocks=True, lstrip_blocks=True).parse(template(name))
+    names = jinja2.meta.find_undeclared_variables(tree)
+    for other in jinja2.meta.find_referenced_templates(tree):
+        names |= asked(other)
+    return names
 
 
 def atoms(deck: Deck) -> np.ndarray:
     """The rows of the data file: id, type, diameter, density, x, y, z."""
-    text = deck.texts["grains.data"].split("Atoms # sphere\n\n")[1]
+    text = deck.texts["grains.data"].split("Atoms\n\n")[1]
     return np.array([line.split() for line in text.splitlines()], dtype=float)
 
 
 def header(deck: Deck) -> dict[str, list[float]]:
     """The numbers of the data file's head by what they count."""
-    lines = deck.texts["grains.data"].split("Atoms # sphere")[0].splitlines()[2:]
+    lines = deck.texts["grains.data"].split("\nAtoms\n")[0].splitlines()[2:]
     pairs = [line.split() for line in lines if line]
     return {
         " ".join(w for w in words if w.isalpha()): [float(w) for w in words if not w.isalpha()]
@@ -123,30 +134,45 @@ def commands(text: str) -> list[str]:
 
 
 @pytest.mark.usefixtures("unpacked")
+@dialect
 @experiment
-def test_template_uses_every_number_and_no_other(case: Case, monkeypatch: pytest.MonkeyPatch):
-    asked = jinja2.meta.find_undeclared_variables(parsed())
-    assert asked == set(context_of(case, monkeypatch))
+def test_template_uses_every_number_and_no_other(
+    case: Case, monkeypatch: pytest.MonkeyPatch, dialect: Dialect
+):
+    names = asked(f"{dialect.folder}/tank.in.j2")
+    assert names == set(context_of(case, monkeypatch, dialect))
 
 
 @pytest.mark.usefixtures("unpacked")
-def test_number_that_is_missing_is_an_error(monkeypatch: pytest.MonkeyPatch):
-    context = context_of(EXPERIMENTS["lid"], monkeypatch)
-    assert render(TEMPLATE, context)
-    for name in context:
-        rest = {key: value for key, value in context.items() if key != name}
-        with pytest.raises(jinja2.UndefinedError, match=f"'{name}' is undefined"):
-            render(TEMPLATE, rest)
+@dialect
+def test_number_that_is_missing_is_an_error(monkeypatch: pytest.MonkeyPatch, dialect: Dialect):
+    context = context_of(EXPERIMENTS["lid"], monkeypatch, dialect)
+    name = f"{dialect.folder}/tank.in.j2"
+    assert render(name, context)
+    for missing in context:
+        rest = {key: value for key, value in context.items() if key != missing}
+        with pytest.raises(jinja2.UndefinedError, match=f"'{missing}' is undefined"):
+            render(name, rest)
 
 
-def test_template_computes_nothing():
-    tree = parsed()
+@dialect
+def test_grains_are_the_same_for_every_engine(dialect: Dialect, decks: dict[str, Deck]):
+    other = deck_of(FREE, dialect=dialect)
+    assert other.texts["grains.data"] == decks["free"].texts["grains.data"]
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_template_computes_nothing(name: str):
+    tree = jinja2.Environment(trim_blocks=True, lstrip_blocks=True).parse(template(name))
     shown = {type(child) for output in tree.find_all(nodes.Output) for child in output.nodes}
     tested = {type(branch.test) for branch in tree.find_all(nodes.If)}
-    assert shown == {nodes.TemplateData, nodes.Name}
-    assert tested == {nodes.Name}
+    assert shown <= {nodes.TemplateData, nodes.Name}
+    assert tested <= {nodes.Name, nodes.Compare}
+    for test in tree.find_all(nodes.Compare):
+        assert isinstance(test.expr, nodes.Name)
+        assert [(o.op, type(o.expr)) for o in test.ops] == [("eq", nodes.Const)]
     computing = (nodes.BinExpr, nodes.UnaryExpr, nodes.Filter, nodes.Call, nodes.Concat)
-    others = (nodes.Compare, nodes.Getattr, nodes.Getitem, nodes.Assign, nodes.For, nodes.Include)
+    others = (nodes.Getattr, nodes.Getitem, nodes.Assign, nodes.For)
     assert list(tree.find_all((*computing, *others))) == []
 
 
@@ -167,7 +193,6 @@ def test_template_computes_nothing():
         "${command} ls",
         "'shell' ls",
         "SHELL ls",
-        "label here",
         "next i",
         "clear",
         "read_restart file",
@@ -176,7 +201,7 @@ def test_template_computes_nothing():
         "suffix omp",
         "quit",
         "if 1 then 'shell ls'",
-        'if 1 then "jump SELF a" else "print b"',
+        'if 1 then "jump in.other a" else "print b"',
         "if 1 then shell",
         "variable x getenv HOME",
         "variable x file secrets",
@@ -203,7 +228,7 @@ def test_allowed_commands_and_comments_pass():
 
 
 def test_list_holds_no_command_that_runs_programs_or_reads_scripts():
-    dangerous = {"shell", "python", "include", "jump", "plugin", "label", "next", "log", "info"}
+    dangerous = {"shell", "python", "include", "jump", "plugin", "next", "log", "info"}
     assert not ALLOWED & dangerous
 
 

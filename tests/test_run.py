@@ -20,7 +20,7 @@ import liftdrag.runner
 from liftdrag.analysis.errorbars import average
 from liftdrag.deck import Deck
 from liftdrag.engines import engine, mpi
-from liftdrag.engines.lammps import read_dump
+from liftdrag.engines.family import read_dump
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import Record, fresh
 from liftdrag.granular import GRAVITY
@@ -388,8 +388,8 @@ class TestUnderMpirun:
     def test_an_engine_that_cannot_start_ends_every_rank(self, tmp_path):
         """Rank 0 fails after its deck is written, while the others wait for it."""
         code = (
-            "import sys; from pathlib import Path; from liftdrag.engines import lammps, mpi\n"
-            "lammps.SAYS = 'no/such/folder'\n"
+            "import sys; from pathlib import Path; from liftdrag.engines import family, mpi\n"
+            "family.SAYS = 'no/such/folder'\n"
             "sys.argv = ['liftdrag', 'run', 'tiny.toml', '--out', 'out']\n"
             "from liftdrag.cli import main; main()"
         )

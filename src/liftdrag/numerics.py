@@ -72,6 +72,7 @@ class Numerics:
     surface_every: Value[int]
     trajectory_every: Value[int]
     progress_every: Value[int]
+    look_every: Value[int]
     skin: Value[float]
     sort_every: Value[int]
     processors: Value[tuple[int, int, int]]
@@ -119,6 +120,7 @@ def derive(scene: TankScene, ranks: int = 1) -> Numerics:
         progress_every=Value(
             max(drive.value // 200, 1), "steps", "the log shows progress 200 times a run"
         ),
+        look_every=Value(50, "steps", "a settling bed is looked at often enough to end early"),
         skin=_skin(scene),
         sort_every=Value(1000, "steps", "a bed moves as a block: its order in memory lasts"),
         processors=grid,

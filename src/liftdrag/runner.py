@@ -21,9 +21,9 @@ from liftdrag.analysis.steady import SteadyWindow
 from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case
 from liftdrag.deck import Deck
+from liftdrag.deck.dialect import LAMMPS, Dialect
 from liftdrag.deck.tank import build
 from liftdrag.engines import engine as engine_called
-from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
@@ -56,12 +56,15 @@ class Result:
         return list(self.record["warnings"])
 
 
-def prepare(case: Case, ranks: int = 1, dump: bool = False) -> tuple[Numerics, Deck]:
+def prepare(
+    case: Case, ranks: int = 1, dump: bool = False, dialect: Dialect = LAMMPS
+) -> tuple[Numerics, Deck]:
     """The numerics and the deck of a case. Raises InputError for a bad case or too many ranks."""
     if not 1 <= ranks <= MAX_RANKS:
         raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
     numerics = derive(case.scene, ranks)
-    return numerics, build(case.scene, numerics, case.name, liftdrag.__version__, ranks, dump)
+    version = liftdrag.__version__
+    return numerics, build(case.scene, numerics, case.name, version, ranks, dump, dialect)
 
 
 def write_deck(case: Case, numerics: Numerics, deck: Deck, engine: str, folder: Path) -> Record:
@@ -81,6 +84,7 @@ def run(
     ranks: int = 1,
     dump: bool = False,
     progress: Progress = silent,
+    engine_path: str | Path | None = None,
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
@@ -89,13 +93,15 @@ def run(
     a new one below `runs/`. Raises InputError before anything is started, RunFailed
     when the engine does not finish; the folder then says why.
     """
-    chosen, world = engine_called(engine), mpi.world()
+    chosen = engine_called(engine, None if engine_path is None else Path(engine_path))
+    world = chosen.world()
     case.scene  # noqa: B018 - every rank refuses a bad case by itself
     if world.rank > 0:
         chosen.join()
     try:
         chosen.check(ranks)
-        numerics, deck = prepare(case, world.size if world.size > 1 else ranks, dump)
+        ranks = world.size if world.size > 1 else ranks
+        numerics, deck = prepare(case, ranks, dump, chosen.dialect)
         folder = fresh(out, case.name)
         record = write_deck(case, numerics, deck, engine, folder)
     except BaseException:

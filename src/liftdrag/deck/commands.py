@@ -6,21 +6,27 @@ import re
 from collections.abc import Iterator
 
 ALLOWED = frozenset(
-    """atom_modify atom_style boundary comm_modify compute dump dump_modify fix group if
-    neigh_modify neighbor newton pair_coeff pair_style print processors read_data region
-    reset_timestep run thermo thermo_modify thermo_style timestep unfix units variable
-    velocity write_dump""".split()
+    """atom_modify atom_style boundary comm_modify communicate compute dump dump_modify fix group
+    hard_particles if label neigh_modify neighbor newton pair_coeff pair_style print processors
+    read_data region reset_timestep run soft_particles thermo thermo_modify thermo_style timestep
+    unfix units variable velocity write_dump""".split()
 )
 """The only engine commands a deck may hold: none that runs programs or includes other decks."""
 
-ALLOWED_IN_IF = frozenset({"print", "quit"})
+ALLOWED_IN_IF = frozenset({"print", "quit", "jump"})
 """The only commands that an `if` of a deck may run."""
 
 STYLES = {
     "variable": (2, {"index", "equal"}),
     "compute": (3, {"reduce", "reduce/region", "ke"}),
     "dump": (3, {"custom"}),
-    "fix": (3, set("ave/time gravity halt move nve/sphere viscous wall/gran/region".split())),
+    "fix": (
+        3,
+        set(
+            """ave/time check/timestep/gran gravity halt move nve/sphere property/global viscous
+            wall/gran wall/gran/region""".split()
+        ),
+    ),
 }
 """Commands that have styles: the place of the style's word, and the styles allowed."""
 
@@ -57,4 +63,6 @@ def _harmless(words: list[str]) -> bool:
         return len(words) > place and words[place] in styles
     if words[0] == "run":
         return len(words) == 2
+    if words[0] == "jump":
+        return words[1:2] == ["SELF"]
     return words[0] != "print" or not {"file", "append"} & set(words)

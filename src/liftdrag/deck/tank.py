@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from liftdrag import granular, hertz
+from liftdrag import granular
 from liftdrag.deck.commands import check_commands
+from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
 from liftdrag.deck.template import render
 from liftdrag.granular import GRAVITY
-from liftdrag.numerics import Numerics
+from liftdrag.numerics import STEP_BOUND, Numerics
 from liftdrag.packing import Container, random_bed, square_layer
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import FLOOR
@@ -26,17 +27,22 @@ def build(
     version: str,
     ranks: int = 1,
     dump: bool = False,
+    dialect: Dialect = LAMMPS,
 ) -> Deck:
-    """The LAMMPS deck of a tank; `dump` adds a trajectory. Raises InputError when packing fails."""
+    """The deck of a tank; `dump` adds a trajectory.
+
+    Raises InputError when packing fails, CaseError when the dialect cannot say the case.
+    """
     positions, types = _bed(scene)
-    context = _context(scene, numerics) | {
+    context = _context(scene, numerics, dialect) | {
+        "program": dialect.program,
         "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
         "version": version,
         "ranks": ranks,
         "trajectory_every": numerics.trajectory_every.value if dump else 0,
     }
     texts = {
-        "in.tank": render("lammps/tank.in.j2", context),
+        "in.tank": render(f"{dialect.folder}/tank.in.j2", context),
         "grains.data": _data_file(scene, positions, types),
     }
     check_commands(texts["in.tank"])
@@ -95,7 +101,7 @@ def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> st
     out.write("Grains packed by liftdrag: id type diameter density x y z\n\n")
     out.write(f"{len(types)} atoms\n{types.max()} atom types\n")
     out.write(f"0 {box.length:.12g} xlo xhi\n0 {box.thickness:.12g} ylo yhi\n")
-    out.write(f"0 {_headroom(scene):.12g} zlo zhi\n\nAtoms # sphere\n\n")
+    out.write(f"0 {_headroom(scene):.12g} zlo zhi\n\nAtoms\n\n")
     rows = np.column_stack(
         [np.arange(1, len(types) + 1), types, np.full(len(types), grains.diameter), density]
     )
@@ -103,8 +109,10 @@ def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> st
     return out.getvalue()
 
 
-def _context(scene: TankScene, numerics: Numerics) -> dict[str, Any]:
-    context = _material(scene) | _geometry(scene) | _far_field(scene) | _steps(numerics)
+def _context(scene: TankScene, numerics: Numerics, dialect: Dialect) -> dict[str, Any]:
+    law = dialect.numbers(_contact(scene), 2 if scene.lid is None else 3)
+    context = law | _bounds(dialect, numerics) | _loads(scene)
+    context |= _geometry(scene) | _far_field(scene) | _steps(numerics)
     return {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
 
 
@@ -112,20 +120,35 @@ def _plain(value: Any) -> Any:
     return f"{value:.10g}" if isinstance(value, float) and value else value
 
 
-def _material(scene: TankScene) -> dict[str, Any]:
-    grains, lid = scene.grains, scene.lid
-    radius, cylinder = grains.diameter / 2.0, scene.intruder.diameter / 2.0
+def _contact(scene: TankScene) -> Contact:
+    grains = scene.grains
+    return Contact(
+        youngs_modulus=grains.youngs_modulus,
+        poisson_ratio=grains.poisson_ratio,
+        restitution=grains.restitution,
+        friction=grains.friction,
+        radius=grains.diameter / 2.0,
+        wall_radius=scene.intruder.diameter / 2.0,
+    )
+
+
+def _bounds(dialect: Dialect, numerics: Numerics) -> dict[str, Any]:
+    """The largest step that LIGGGHTS lets through, over the Rayleigh and the Hertz time."""
+    if dialect is not LIGGGHTS:
+        return {}
+    step = numerics.time_step.value
     return {
-        "youngs_modulus": grains.youngs_modulus,
-        "wall_modulus": hertz.modulus_as_on_plane(grains.youngs_modulus, radius, cylinder),
-        "poisson_ratio": grains.poisson_ratio,
-        "restitution": grains.restitution,
-        "friction": grains.friction,
-        "tangential_damping": hertz.tangential_damping(grains.poisson_ratio),
+        "rayleigh_bound": max(STEP_BOUND, 1.01 * step / numerics.rayleigh_time.value),
+        "hertz_bound": max(STEP_BOUND, 1.01 * step / numerics.hertz_time.value),
+    }
+
+
+def _loads(scene: TankScene) -> dict[str, Any]:
+    return {
         "bulk_gravity": scene.bulk_gravity,
-        "lid": lid is not None,
+        "lid": scene.lid is not None,
         "lid_gravity": GRAVITY,
-        "lid_ratio": 1.0 if lid is None else lid.density_ratio,
+        "lid_ratio": 1.0 if scene.lid is None else scene.lid.density_ratio,
     }
 
 
@@ -165,7 +188,8 @@ def _steps(numerics: Numerics) -> dict[str, Any]:
     x, y, z = numerics.processors.value
     names = (
         "time_step settle_damping settle_energy settle_steps settle_steps_max drive_steps "
-        "sample_every row_every snapshot_every surface_every progress_every skin sort_every"
+        "sample_every row_every snapshot_every surface_every progress_every skin sort_every "
+        "look_every"
     ).split()
     values = {name: getattr(numerics, name).value for name in names}
     return values | {

@@ -3,18 +3,44 @@
 from __future__ import annotations
 
 import difflib
+from functools import cache
+from pathlib import Path
 
 from liftdrag.engines.base import Engine
 from liftdrag.engines.lammps import Lammps
+from liftdrag.engines.program import LIGGGHTS_BINARY, LMP, Program
 from liftdrag.errors import InputError
 
-ENGINES: dict[str, Engine] = {"lammps": Lammps()}
+_PROGRAMS = {kind.name: kind for kind in (LMP, LIGGGHTS_BINARY)}
+
+ENGINES = ("lammps", *_PROGRAMS)
+"""LAMMPS from its wheel, and the programs of this machine."""
 
 
-def engine(name: str) -> Engine:
-    """The engine called `name`. Raises InputError when there is none."""
+def engine(name: str, path: Path | None = None) -> Engine:
+    """The engine called `name`, a program at `path`. Raises InputError when there is none.
+
+    Whether it is installed shows when it is asked for more than its name.
+    """
     if name not in ENGINES:
         close = difflib.get_close_matches(name, ENGINES, n=1)
         hint = f"did you mean {close[0]!r}" if close else f"choose one of {', '.join(ENGINES)}"
         raise InputError(f"There is no engine {name!r}; {hint}.")
-    return ENGINES[name]
+    if name in _PROGRAMS:
+        return _program(name, path)
+    if path is not None:
+        raise InputError(
+            "The engine lammps is a Python package and has no path; for a program of your own "
+            "choose --engine lmp."
+        )
+    return _wheel()
+
+
+@cache
+def _program(name: str, path: Path | None) -> Program:
+    return Program(_PROGRAMS[name], path)
+
+
+@cache
+def _wheel() -> Lammps:
+    return Lammps()

@@ -10,6 +10,8 @@ from typing import NoReturn, Protocol
 import numpy as np
 
 from liftdrag.deck import Plan
+from liftdrag.deck.dialect import Dialect
+from liftdrag.engines.mpi import World
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 
@@ -40,10 +42,36 @@ class Outcome:
     cpu_s: float
 
 
+@dataclass(frozen=True)
+class About:
+    """What an engine is: its name, version, place and the MPI that it is linked with."""
+
+    name: str
+    version: str
+    path: Path
+    mpi: str
+
+
 class Engine(Protocol):
     """A program that runs decks."""
 
     name: str
+
+    @property
+    def dialect(self) -> Dialect:
+        """The language of its decks. Raises InputError when that needs the program, not found."""
+
+    def about(self) -> About:
+        """What it is and where. Raises InputError when it is not installed."""
+
+    def packages(self) -> tuple[str, ...]:
+        """The optional parts that it was built with, where it says so."""
+
+    def world(self) -> World:
+        """The MPI job that liftdrag was started in, one rank when there is none."""
+
+    def launcher(self) -> Path:
+        """The program that starts it on several ranks. Raises InputError when there is none."""
 
     def check(self, ranks: int) -> None:
         """Raise InputError when the engine cannot start on so many ranks."""
@@ -54,8 +82,11 @@ class Engine(Protocol):
     def release(self) -> None:
         """As rank 0 of an MPI job: tell the other ranks that there is nothing to run."""
 
-    def run(self, plan: Plan, folder: Path, progress: Progress) -> Outcome:
-        """Carry out the plan of a deck already written to `folder`."""
+    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
+        """Carry out the plan of a deck already written to `folder`.
+
+        On the ranks of the MPI job that liftdrag was started in or, `alone`, outside of it.
+        """
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The measured series of the drive stage."""

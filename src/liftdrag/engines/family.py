@@ -1,0 +1,174 @@
+"""What LAMMPS and LIGGGHTS have in common: how they are run and what they leave in a folder."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from liftdrag.deck import Plan
+from liftdrag.deck.dialect import Dialect
+from liftdrag.engines import checks, mpi, process
+from liftdrag.engines.base import About, Outcome, Progress
+from liftdrag.engines.log import LogTail
+from liftdrag.errors import RunFailed
+from liftdrag.series import Series
+from liftdrag.snapshot import Snapshot
+from liftdrag.tables import column, read_table
+
+SAYS = "engine.out"
+_STAGE = re.compile(r"LIFTDRAG STAGE (\w+) (\d+)")
+_THERMO = re.compile(r"\s*(\d+)\s+[-+.\deE]+\s+\d+\s")
+
+
+class Family(ABC):
+    """A program of the LAMMPS family; a subclass says how it is found and started."""
+
+    name: str
+    log: str
+
+    @property
+    @abstractmethod
+    def dialect(self) -> Dialect:
+        """The language of its decks."""
+
+    @abstractmethod
+    def about(self) -> About:
+        """What it is and where. Raises InputError when it is not installed."""
+
+    @abstractmethod
+    def world(self) -> mpi.World:
+        """The MPI job that liftdrag was started in, as far as this program can join it."""
+
+    @abstractmethod
+    def command(self, start: str, folder: Path) -> list[str]:
+        """The words that start it on a deck, on one rank."""
+
+    @abstractmethod
+    def waiting(self) -> list[str]:
+        """The words that start a rank which is told by the first one what to run, if anything."""
+
+    @abstractmethod
+    def launcher(self) -> Path:
+        """The launcher of its MPI. Raises InputError when there is none."""
+
+    @abstractmethod
+    def settings(self) -> dict[str, str]:
+        """What its launcher needs in the environment."""
+
+    def check(self, ranks: int) -> None:
+        """Raise InputError when it is not installed, or has no launcher for so many ranks."""
+        self.about()
+        if ranks > 1 and self.world().size == 1:
+            self.launcher()
+
+    def join(self) -> NoReturn:
+        """Become the rank that waits for the first one."""
+        words = self.waiting()
+        os.execv(words[0], words)
+
+    def release(self) -> None:
+        """Tell the waiting ranks that there is nothing to run."""
+        if self.world().size > 1:
+            subprocess.run(self.waiting(), stdin=subprocess.DEVNULL, close_fds=False, check=False)
+
+    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
+        """Run the deck on the ranks of the MPI job around us or, `alone`, on new ones."""
+        poll = _reporter(LogTail(folder / self.log), progress)
+        before = process.cpu_of_children()
+        own_ranks = 1 if alone else self.world().size
+        code = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
+        cpu_s = own_ranks * (process.cpu_of_children() - before)
+        return self._outcome(plan, folder, code, cpu_s)
+
+    def _start(self, plan: Plan, folder: Path, joined: bool) -> process.Started:
+        command = self.command(plan.start, folder.resolve())
+        environment = dict(os.environ) | {"OMP_NUM_THREADS": "1"}
+        if joined:
+            return self._joined(command, folder, environment)
+        if plan.ranks > 1:
+            command = [str(self.launcher()), "-n", str(plan.ranks), *command]
+        alone = mpi.outside(environment) | self.settings()
+        return process.start(command, folder, alone, SAYS)
+
+    def _joined(
+        self, command: list[str], folder: Path, environment: dict[str, str]
+    ) -> process.Started:
+        """As one of the ranks of the job around us; the others are told when that fails."""
+        try:
+            return process.start(command, folder, environment, SAYS, own_group=False)
+        except RunFailed:
+            self.release()
+            raise
+
+    def _outcome(self, plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
+        log = checks.text(folder / self.log)
+        said = checks.text(folder / SAYS)
+        loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
+        status, reason = checks.verdict(plan, folder, log, said, code)
+        return Outcome(
+            status=status,
+            reason=reason,
+            evidence="" if status == "finished" else checks.last_words(log, said),
+            version=self.about().version,
+            ranks=checks.ranks_of(log),
+            steps=sum(n for _, n, _ in loops),
+            grains=loops[-1][2] if loops else 0,
+            loop_s=sum(s for s, _, _ in loops),
+            cpu_s=cpu_s,
+        )
+
+    def series(self, plan: Plan, folder: Path) -> Series:
+        """The series of `fix ave/time`, time zero where the drive starts."""
+        import pandas as pd
+
+        files = [read_table(folder / name, "ave-time") for name in plan.series]
+        table = pd.concat([file.set_index("TimeStep") for file in files], axis=1, join="inner")
+        units = {name: unit for file in plan.series.values() for name, unit in file.items()}
+        channels = {name: column(table, f"v_{name}") for name in units}
+        return Series(table.index.to_numpy(float) * plan.time_step, channels, units)
+
+    def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
+        """Those of `snapshots.dump`; the first is the settled bed at full speed."""
+        for step, rows in read_dump(folder / "snapshots.dump"):
+            yield Snapshot(
+                step * plan.time_step, rows[:, 1].astype(int), rows[:, 2:5], rows[:, 5:8]
+            )
+
+    def surfaces(self, plan: Plan, folder: Path) -> Iterator[tuple[float, np.ndarray]]:
+        """Those of `surface.dump`."""
+        for step, rows in read_dump(folder / "surface.dump"):
+            yield step * plan.time_step, rows[:, 0]
+
+
+def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
+    """The complete frames of a text dump: the step, and the rows (n, columns)."""
+    if not path.exists():
+        return
+    with path.open() as file:
+        while (header := [file.readline() for _ in range(9)])[-1].startswith("ITEM: ATOMS"):
+            step, count, width = int(header[1]), int(header[3]), len(header[8].split()) - 2
+            rows = np.fromfile(file, sep=" ", count=count * width)
+            if rows.size < count * width:
+                return
+            yield step, rows.reshape(count, width)
+
+
+def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:
+    stage, total = "start", 0
+
+    def poll() -> None:
+        nonlocal stage, total
+        for line in tail.lines():
+            if match := _STAGE.match(line):
+                stage, total = match[1], int(match[2])
+            elif match := _THERMO.match(line):
+                progress(stage, int(match[1]), total)
+
+    return poll
