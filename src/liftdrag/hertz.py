@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from math import log, pi, sqrt
+from math import gamma, log, pi, sqrt
 
 from scipy.optimize import brentq
+
+IMPACT_DURATION = 0.8 * sqrt(pi) * gamma(0.4) / gamma(0.9)
+"""Twice the integral of (1 - x^2.5)^-1/2 from 0 to 1, 2.9433."""
 
 
 def effective_modulus(youngs_modulus: float, poisson_ratio: float) -> float:
@@ -37,13 +40,18 @@ def rayleigh_time(
     return pi * diameter / 2.0 * sqrt(density / shear_modulus) / wave
 
 
-def hertz_time(k: float, mass: float, speed: float) -> float:
-    """Duration (s) of an elastic impact: 2.9432 a / v, a the largest overlap.
+def impact_overlap(k: float, mass: float, speed: float) -> float:
+    """Largest overlap (m) of an elastic impact: (5 m v^2 / (4 k))^0.4.
 
     `mass` is the effective mass (kg), `speed` the closing speed (m/s).
     """
     overlap: float = (5.0 * mass * speed**2 / (4.0 * k)) ** 0.4
-    return 2.9432 * overlap / speed
+    return overlap
+
+
+def hertz_time(k: float, mass: float, speed: float) -> float:
+    """Duration (s) of an elastic impact: 2.9433 a / v, a the largest overlap (same arguments)."""
+    return IMPACT_DURATION * impact_overlap(k, mass, speed) / speed
 
 
 def tangential_damping(poisson_ratio: float) -> float:
