@@ -17,6 +17,8 @@ from liftdrag.errors import InputError, RunFailed
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from rich.table import Table
+
     from liftdrag.analysis.forces import ForceAnswers
     from liftdrag.analysis.quantity import Quantity
     from liftdrag.case import Case
@@ -34,7 +36,9 @@ app = typer.Typer(
 
     Begin with: liftdrag run quick --ranks 2
 
-    Then: liftdrag cases quick > mine.toml, edit it, liftdrag run mine.toml""",
+    Then: liftdrag cases quick > mine.toml, edit it, liftdrag run mine.toml
+
+    Which engines there are, and whether they are sound: liftdrag doctor""",
 )
 
 CaseName = Annotated[
@@ -54,6 +58,7 @@ EnginePath = Annotated[
     Path | None, typer.Option(help="The program lmp or liggghts, when it is not on the PATH.")
 ]
 Ranks = Annotated[int, typer.Option(help="MPI ranks to start; under mpirun, its ranks are used.")]
+PlainJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json instead of a table.")]
 
 
@@ -134,6 +139,10 @@ def run(
     ] = None,
     settings: Settings = None,
     dump: Annotated[bool, typer.Option("--dump", help="Write trajectory.dump to look at.")] = False,
+    ignore_probe: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Run although the engine fails this probe of doctor."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Run a case and answer with drag and lift and their standard errors."""
@@ -142,7 +151,9 @@ def run(
 
     chosen = _case(case, settings)
     with reported() as progress:
-        result = run_case(chosen, out, engine, ranks, dump, progress, engine_path)
+        result = run_case(
+            chosen, out, engine, ranks, dump, progress, engine_path, ignore_probe or ()
+        )
     _show(result, as_json)
 
 
@@ -176,6 +187,57 @@ def analyze(
 
     columns = Columns(drag, lift, sign, unit, time_column, time_step)
     _show_forces(answers(read_forces(path, form, columns), discard), as_json)
+
+
+@app.command()
+def doctor(
+    engine: Annotated[
+        str | None, typer.Option(help="Only this engine; by default each that is installed.")
+    ] = None,
+    engine_path: EnginePath = None,
+    as_json: PlainJson = False,
+) -> None:
+    """Show the engines of this machine, and probe whether each computes contacts right."""
+    from liftdrag.doctor import examine
+    from liftdrag.engines import ENGINES
+    from liftdrag.progress import spinning
+    from liftdrag.report import engine_table, probe_table
+
+    names = ENGINES if engine is None else (engine,)
+    with spinning() as tell:
+        found = [examine(name, engine_path, tell) for name in names]
+    if engine is not None and found[0].missing:
+        raise InputError(found[0].missing)
+    if as_json:
+        print(json.dumps([patient.to_dict() for patient in found], indent=2))
+    else:
+        _print_tables(engine_table(found), probe_table(found))
+    if not all(patient.healthy for patient in found):
+        failing = ", ".join(patient.name for patient in found if not patient.healthy)
+        raise RunFailed("engine_error", f"Failing a probe: {failing}.")
+
+
+@app.command()
+def verify(
+    engine: EngineName = "lammps", engine_path: EnginePath = None, as_json: PlainJson = False
+) -> None:
+    """Test an engine with two bodies, against closed forms and published values."""
+    from liftdrag.engines import engine as engine_called
+    from liftdrag.progress import spinning
+    from liftdrag.report import check_table, convergence_table
+    from liftdrag.verify import verified
+
+    chosen = engine_called(engine, engine_path)
+    chosen.check(1)
+    with spinning() as tell:
+        found = verified(chosen, tell)
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=2))
+    else:
+        _print_tables(check_table(found), convergence_table(found))
+    if not found.passed:
+        failed = sum(not check.passed for check in found.checks)
+        raise RunFailed("engine_error", f"{chosen.name} fails {failed} of the tests.")
 
 
 def _refuse_options(context: typer.Context, known: set[str]) -> None:
@@ -218,6 +280,15 @@ def _show_forces(found: ForceAnswers, as_json: bool) -> None:
     print(f"Averaged from {found.start_s:.6g} s to {found.end_s:.6g} s.")
     for warning in found.warnings:
         print(f"WARNING: {warning}")
+
+
+def _print_tables(*tables: Table) -> None:
+    from rich.console import Console
+
+    console = Console()
+    wide = Console(width=None if console.is_terminal else 140)
+    for table in tables:
+        wide.print(table)
 
 
 def _print_table(quantities: Mapping[str, Quantity]) -> None:

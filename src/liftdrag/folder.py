@@ -6,7 +6,7 @@ import errno
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,10 @@ RESULT = "result.json"
 
 @dataclass(frozen=True)
 class Record:
-    """What a run's folder must say about itself to be read again: `run.json`."""
+    """What a run's folder must say about itself to be read again: `run.json`.
+
+    `warnings` are of the numerics, `alarms` are what a reader must know before anything else.
+    """
 
     case: str
     tables: dict[str, Any]
@@ -27,6 +30,7 @@ class Record:
     plan: Plan
     warnings: list[str]
     provenance: dict[str, Any]
+    alarms: list[str] = field(default_factory=list)
 
     def write(self, folder: Path) -> None:
         """Write it into the folder. Raises RunFailed."""

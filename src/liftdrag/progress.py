@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -59,3 +59,15 @@ def _lines() -> Progress:
         print(f"{_MEANING.get(stage, stage)}: step {done} of {total}, {share}", file=sys.stderr)
 
     return progress
+
+
+@contextmanager
+def spinning() -> Iterator[Callable[[str], None]]:
+    """A function to say what is being done: one changing line on a terminal, lines elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda words: print(words, file=sys.stderr, flush=True)
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as status:
+        yield status.update

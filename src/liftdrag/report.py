@@ -1,4 +1,4 @@
-"""The answers as a table for the terminal."""
+"""What was found, as tables for the terminal."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from liftdrag.analysis.quantity import Quantity, rounded
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from liftdrag.doctor import Patient
+    from liftdrag.engines.probes import Probe
+    from liftdrag.verify import Verified
 
 NARROW = 110
 """Width of a terminal in characters below which the meanings are left out."""
@@ -52,3 +56,85 @@ def _cells(quantity: Quantity) -> Iterator[str]:
     count = quantity.n_independent
     mark = "" if quantity.converged else " (not converged)"
     yield ("" if count is None else f"{count:.0f}") + mark
+
+
+def engine_table(patients: list[Patient]) -> Table:
+    """The engines: version, place, MPI and its launcher."""
+    from rich.table import Table
+
+    result = Table()
+    for heading in ("engine", "version", "program", "MPI", "launcher", "probes"):
+        result.add_column(heading, overflow="fold")
+    for patient in patients:
+        if patient.about is None:
+            result.add_row(patient.name, "not installed", patient.missing)
+            continue
+        passed = sum(found.passed for found in patient.probes)
+        about = patient.about
+        result.add_row(
+            about.name,
+            about.version,
+            str(about.path),
+            about.mpi,
+            patient.launcher,
+            f"{passed} of {len(patient.probes)} passed",
+        )
+    return result
+
+
+def probe_table(patients: list[Patient]) -> Table:
+    """What each probe found of each engine."""
+    from rich.table import Table
+
+    installed = [patient for patient in patients if patient.about is not None]
+    result = Table()
+    for heading in ("probe", "asked", "error allowed", *(patient.name for patient in installed)):
+        result.add_column(heading, overflow="fold")
+    for found in zip(*(patient.probes for patient in installed), strict=True):
+        first = next((one for one in found if one.expected is not None), found[0])
+        asked = "" if first.expected is None else f"{first.expected:.4g} {first.unit}"
+        bound = f"{100 * first.bound:.2g} %" if first.expected else f"{first.bound:.2g}"
+        result.add_row(first.name, asked, bound, *map(_verdict, found))
+    return result
+
+
+def _verdict(found: Probe) -> str:
+    value = found.failure if found.measured is None else f"{found.measured:.6g}"
+    return value if found.passed else f"[bold red]FAILED: {value}[/]"
+
+
+def check_table(found: Verified) -> Table:
+    """Each test of `verify`: measured, expected, error."""
+    from rich.table import Table
+
+    result = Table(title=f"{found.engine}: impacts of two bodies")
+    for heading in ("test", "quantity", "measured", "expected", "source", "error", "allowed"):
+        result.add_column(heading, overflow="fold")
+    for check in found.checks:
+        allowed = "reported" if check.bound is None else f"{100 * check.bound:.2g} %"
+        unit = "" if check.unit == "1" else f" {check.unit}"
+        error = f"{100 * check.error:.2g} %"
+        result.add_row(
+            check.test,
+            check.quantity,
+            f"{check.measured:.6g}{unit}",
+            f"{check.expected:.6g}{unit}",
+            check.source,
+            error if check.passed else f"[bold red]FAILED: {error}[/]",
+            allowed,
+        )
+    return result
+
+
+def convergence_table(found: Verified) -> Table:
+    """The errors of an elastic impact over the time step."""
+    from rich.table import Table
+
+    result = Table(title="relative error over time step / Rayleigh time")
+    result.add_column("quantity")
+    for fraction in found.convergence[0].fractions:
+        result.add_column(f"{fraction:g}")
+    result.add_column("order")
+    for row in found.convergence:
+        result.add_row(row.quantity, *(f"{e:.2g}" for e in row.errors), f"{row.order:.2f}")
+    return result

@@ -6,7 +6,7 @@ import os
 import platform
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
@@ -22,9 +22,11 @@ from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import LAMMPS, Dialect
-from liftdrag.deck.tank import build
+from liftdrag.deck.tank import build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
+from liftdrag.engines.known import probed
+from liftdrag.engines.probes import TANK, Probe, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
 from liftdrag.numerics import Numerics, derive, explained
@@ -60,21 +62,58 @@ def prepare(
     case: Case, ranks: int = 1, dump: bool = False, dialect: Dialect = LAMMPS
 ) -> tuple[Numerics, Deck]:
     """The numerics and the deck of a case. Raises InputError for a bad case or too many ranks."""
-    if not 1 <= ranks <= MAX_RANKS:
-        raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
+    _check_ranks(ranks)
     numerics = derive(case.scene, ranks)
     version = liftdrag.__version__
     return numerics, build(case.scene, numerics, case.name, version, ranks, dump, dialect)
 
 
-def write_deck(case: Case, numerics: Numerics, deck: Deck, engine: str, folder: Path) -> Record:
+def _check_ranks(ranks: int) -> None:
+    if not 1 <= ranks <= MAX_RANKS:
+        raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
+
+
+def write_deck(
+    case: Case,
+    numerics: Numerics,
+    deck: Deck,
+    engine: str,
+    folder: Path,
+    probes: Sequence[Probe] = (),
+    alarms: Sequence[str] = (),
+) -> Record:
     """Write the deck, the numerics with their reasons, and the record that reading needs."""
     deck.write(folder)
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    warnings, provenance = list(numerics.warnings), _provenance(deck)
-    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, provenance)
+    provenance = _provenance(deck) | {"probes": [found.to_dict() for found in probes]}
+    warnings = list(numerics.warnings)
+    record = Record(
+        case.name, dict(case.tables), engine, deck.plan, warnings, provenance, list(alarms)
+    )
     record.write(folder)
     return record
+
+
+def _probed(engine: Engine, scene: TankScene, ranks: int) -> list[Probe]:
+    """What the probes that the scene needs find of the engine, with the scene's grains."""
+    subject = Subject(contact_of(scene), scene.grains.density)
+    return probed(engine, subject, TANK if ranks == 1 else (*TANK, "ranks"))
+
+
+def _alarms(engine: Engine, probes: Sequence[Probe], ignored: Sequence[str]) -> list[str]:
+    """A warning for each failure that is ignored. Raises InputError for one that is not."""
+    failed = [found for found in probes if not found.passed]
+    for found in failed:
+        if found.name not in ignored:
+            raise InputError(
+                f"The engine {engine.name} fails the probe {found.name} ({found.finding}); choose "
+                f"another engine, or run at your own risk with --ignore-probe {found.name}."
+            )
+    return [
+        f"THE ENGINE IS WRONG: {engine.name} fails the probe {found.name} ({found.finding}), "
+        "which was ignored."
+        for found in failed
+    ]
 
 
 def run(
@@ -85,25 +124,31 @@ def run(
     dump: bool = False,
     progress: Progress = silent,
     engine_path: str | Path | None = None,
+    ignore_probes: Sequence[str] = (),
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
     Under `mpirun` the job's ranks are used. The folder keeps the deck, the series,
     the pictures and `result.json`, and with `dump` a trajectory; by default it is
-    a new one below `runs/`. Raises InputError before anything is started, RunFailed
-    when the engine does not finish; the folder then says why.
+    a new one below `runs/`. The engine is probed first, with the grains of the case;
+    a probe of `ignore_probes` may fail. Raises InputError before the run is started,
+    RunFailed when the engine does not finish; the folder then says why.
     """
     chosen = engine_called(engine, None if engine_path is None else Path(engine_path))
     world = chosen.world()
     case.scene  # noqa: B018 - every rank refuses a bad case by itself
+    check_names(tuple(ignore_probes))
     if world.rank > 0:
         chosen.join()
     try:
+        _check_ranks(ranks)
         chosen.check(ranks)
         ranks = world.size if world.size > 1 else ranks
+        found = _probed(chosen, case.scene, ranks if world.size == 1 else 1)
+        alarms = _alarms(chosen, found, ignore_probes)
         numerics, deck = prepare(case, ranks, dump, chosen.dialect)
         folder = fresh(out, case.name)
-        record = write_deck(case, numerics, deck, engine, folder)
+        record = write_deck(case, numerics, deck, engine, folder, found, alarms)
     except BaseException:
         chosen.release()
         raise
@@ -139,7 +184,11 @@ def _conclude(folder: Path, case: Case, record: Record, outcome: Outcome, wall_s
     finished = outcome.status == "finished"
     reasons = [] if finished else [outcome.reason]
     result = _result(record, outcome.status, reasons) | _cost(outcome, wall_s)
-    result["engine"] |= {"version": outcome.version, "ranks": outcome.ranks}
+    result["engine"] |= {
+        "version": outcome.version,
+        "path": str(outcome.path),
+        "ranks": outcome.ranks,
+    }
     write_json(folder / RESULT, result)
     if not finished:
         raise RunFailed(outcome.status, f"{outcome.status}: {outcome.reason}.", outcome.evidence)
@@ -149,7 +198,7 @@ def _conclude(folder: Path, case: Case, record: Record, outcome: Outcome, wall_s
 def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json` and as pictures."""
     series, found = _read(folder, case.scene, record)
-    result = result | _reported(found, record.warnings, series)
+    result = result | _reported(found, record, series)
     try:
         series.to_pandas().to_csv(folder / "series.csv")
         write_json(folder / RESULT, result)
@@ -179,11 +228,11 @@ def _read(folder: Path, scene: TankScene, record: Record) -> tuple[Series, Answe
         ) from error
 
 
-def _reported(found: Answers, warnings: list[str], series: Series) -> dict[str, Any]:
+def _reported(found: Answers, record: Record, series: Series) -> dict[str, Any]:
     window = found.window
     return {
         "quantities": {name: value.to_dict() for name, value in found.quantities.items()},
-        "warnings": [*found.warnings, *warnings],
+        "warnings": [*record.alarms, *found.warnings, *record.warnings],
         "steady_window": {
             "start_s": float(series.time[window.start]),
             "end_s": float(series.time[window.stop - 1]),
@@ -207,7 +256,7 @@ def _result(record: Record, status: str, reasons: list[str]) -> dict[str, Any]:
         "grain_steps_per_s": 0.0,
         "quantities": {},
         "stopped_by": "distance" if status == "finished" else status,
-        "warnings": [*reasons, *record.warnings],
+        "warnings": [*record.alarms, *reasons, *record.warnings],
         "provenance": record.provenance,
     }
 

@@ -160,6 +160,42 @@ class Convergence:
 
 
 @dataclass(frozen=True)
+class Verified:
+    """What the tests of an engine found."""
+
+    engine: str
+    version: str
+    checks: tuple[Check, ...]
+    convergence: tuple[Convergence, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every error is within its bound."""
+        return all(check.passed for check in self.checks)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "engine": self.engine,
+            "version": self.version,
+            "passed": self.passed,
+            "checks": [check.to_dict() for check in self.checks],
+            "convergence": [row.to_dict() for row in self.convergence],
+        }
+
+
+def verified(engine: Engine, tell: Callable[[str], None] = lambda _: None) -> Verified:
+    """Run the tests on an engine; `tell` hears of each. Raises RunFailed when one cannot run."""
+    found = []
+    for check in checks(engine):
+        tell(f"{check.test}: {check.quantity} {check.measured:.6g} {check.unit}")
+        found.append(check)
+    tell("order of convergence")
+    rows = tuple(convergence(engine))
+    return Verified(engine.name, engine.about().version, tuple(found), rows)
+
+
+@dataclass(frozen=True)
 class _Material:
     name: str
     radius: float
@@ -262,9 +298,21 @@ def _oblique(engine: Engine) -> Iterator[Check]:
         if slope > 3.5 * friction * (1.0 + restitution):
             slid = float(1.0 - friction * (1.0 + restitution) / slope)
             yield Check(name, "tangential restitution", "1", got, slid, "gross sliding", 5e-3)
-    for angle, published in _SPINS.items():
-        name = f"4 at {angle} degrees"
-        yield Check(name, "spin", "rad/s", found[angle].spin, published, "published", None)
+    for throw, (angle, result) in zip(throws, found.items(), strict=True):
+        name, arm = f"4 at {angle} degrees", 1e-3 + result.peak_overlap / _ALUMINA.radius
+        turned = _turned(throw, result)
+        yield Check(name, "spin", "rad/s", result.spin, turned, "angular momentum", arm)
+        if angle in _SPINS:
+            yield Check(name, "spin", "rad/s", result.spin, _SPINS[angle], "published", None)
+
+
+def _turned(throw: Throw, found: Impact) -> float:
+    """The spin (rad/s) that goes with the loss of tangential velocity: 5 (v' - v) / (2 R).
+
+    The arm is R; an engine may take off the overlap.
+    """
+    before = throw.speed * float(np.sin(np.radians(throw.angle)))
+    return 2.5 * (found.tangential_velocity - before) / _ALUMINA.radius
 
 
 def _spinning(engine: Engine) -> Iterator[Check]:

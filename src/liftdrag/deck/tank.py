@@ -110,7 +110,7 @@ def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> st
 
 
 def _context(scene: TankScene, numerics: Numerics, dialect: Dialect) -> dict[str, Any]:
-    law = dialect.numbers(_contact(scene), 2 if scene.lid is None else 3)
+    law = dialect.numbers(contact_of(scene), 2 if scene.lid is None else 3)
     context = law | _bounds(dialect, numerics) | _loads(scene)
     context |= _geometry(scene) | _far_field(scene) | _steps(numerics)
     return {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
@@ -120,7 +120,8 @@ def _plain(value: Any) -> Any:
     return f"{value:.10g}" if isinstance(value, float) and value else value
 
 
-def _contact(scene: TankScene) -> Contact:
+def contact_of(scene: TankScene) -> Contact:
+    """The contacts of the grains with each other and with the cylinder."""
     grains = scene.grains
     return Contact(
         youngs_modulus=grains.youngs_modulus,

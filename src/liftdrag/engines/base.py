@@ -35,6 +35,7 @@ class Outcome:
     reason: str
     evidence: str
     version: str
+    path: Path
     ranks: int
     steps: int
     grains: int

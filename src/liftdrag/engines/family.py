@@ -117,6 +117,7 @@ class Family(ABC):
             reason=reason,
             evidence="" if status == "finished" else checks.last_words(log, said),
             version=self.about().version,
+            path=self.about().path,
             ranks=checks.ranks_of(log),
             steps=sum(n for _, n, _ in loops),
             grains=loops[-1][2] if loops else 0,
