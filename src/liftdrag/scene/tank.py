@@ -20,10 +20,10 @@ LID_DEPTH = 16.0
 WAKE = 8.0
 """Length in intruder diameters of the zone that the intruder disturbs."""
 
-PACKED_FRACTION = 0.58
+PACKED_FRACTION = 0.59
 """Solid fraction of the bed as packed, loose enough to settle to that of a poured one."""
 
-SETTLED_FRACTION = 0.588
+SETTLED_FRACTION = 0.598
 """Solid fraction of a settled bed, of the grains that fill the tank to its height."""
 
 FLOOR = 0.8
