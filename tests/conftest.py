@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import Any
 import pytest
 
 from liftdrag.case import Case
+from liftdrag.engines import engine
+from liftdrag.errors import InputError
 from liftdrag.runner import Result, run
 
 TINY = """
@@ -48,6 +51,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         slow = [item for item in items if item.get_closest_marker("validate")]
         config.hook.pytest_deselected(items=slow)
         items[:] = [item for item in items if item not in slow]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A test of an engine that is not installed is skipped, but never in CI."""
+    asked = {name for mark in item.iter_markers("needs") for name in mark.args}
+    if callspec := getattr(item, "callspec", None):
+        asked |= {value for value in callspec.params.values() if value in ("lmp", "liggghts")}
+    for name in sorted(asked):
+        if not os.environ.get("CI"):
+            _skip_without(name)
+
+
+def _skip_without(name: str) -> None:
+    try:
+        engine(name).about()
+    except InputError as missing:
+        pytest.skip(str(missing))
 
 
 def tiny_tank(**tables: Any) -> Case:

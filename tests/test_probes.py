@@ -104,6 +104,7 @@ def test_curvature_left_in_the_wall_fails(templates):
     assert found["plane_overlap"].passed
 
 
+@pytest.mark.needs("lmp")
 def test_debians_stiffer_wall_left_alone_fails(templates):
     templates("{{ wall_modulus }}", "{{ youngs_modulus }}")
     found = found_of("lmp", ("plane_overlap",))["plane_overlap"]
@@ -111,6 +112,7 @@ def test_debians_stiffer_wall_left_alone_fails(templates):
     assert found.measured / found.expected == pytest.approx(1.45 ** (-2.0 / 3.0), rel=0.02)
 
 
+@pytest.mark.needs("lmp")
 def test_wrong_damping_fails(templates):
     """Tsuji's polynomial, not inverted, gives another restitution."""
     templates("{{ pair_restitution }}", "{{ restitution }}")
@@ -245,6 +247,7 @@ def cli(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 class TestDoctor:
     """`liftdrag doctor`."""
 
+    @pytest.mark.needs("lmp", "liggghts")
     def test_json_tells_of_every_engine(self, monkeypatch, capsys):
         assert cli(monkeypatch, "doctor", "--json") == 0
         patients = json.loads(capsys.readouterr().out)

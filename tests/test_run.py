@@ -412,30 +412,39 @@ class TestUnderMpirun:
         assert "not an empty folder" in done.stderr
 
 
-@pytest.mark.parametrize(
-    "environment",
-    [
-        {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0"},
-        {"SLURM_STEP_NUM_TASKS": "2", "PMIX_RANK": "1"},
-    ],
-)
-def test_launchers_of_another_mpi_are_refused(environment):
-    with pytest.raises(InputError, match="separate copies"):
-        mpi.world(environment)
+@pytest.mark.parametrize("name", ["lmp", "liggghts"])
+class TestUnderOpenMpi:
+    """Open MPI's mpirun around `python -m liftdrag`, for a program linked with it."""
 
+    def run(self, name: str, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+        (folder / "tiny.toml").write_text(TINY)
+        command = [str(engine(name).launcher()), "-n", "2", sys.executable, "-m", "liftdrag", "run"]
+        return subprocess.run(
+            [*command, "tiny.toml", "--engine", name, *words],
+            capture_output=True,
+            text=True,
+            timeout=240,
+            cwd=folder,
+            env=mpi.outside(os.environ) | mpi.settings(mpi.OPEN_MPI, os.environ),
+        )
 
-@pytest.mark.parametrize(
-    ("environment", "world"),
-    [
-        ({}, (0, 1)),
-        ({"PMI_RANK": "", "PMI_SIZE": ""}, (0, 1)),
-        ({"PMI_RANK": "3", "PMI_SIZE": "4", "SLURM_STEP_NUM_TASKS": "4"}, (3, 4)),
-        ({"SLURM_NTASKS": "8"}, (0, 1)),
-    ],
-)
-def test_the_world_is_read_from_pmi(environment, world):
-    found = mpi.world(environment)
-    assert (found.rank, found.size) == world
+    def test_the_jobs_ranks_are_used(self, name, tmp_path):
+        done = self.run(name, tmp_path, "--json")
+        assert done.returncode == 0, done.stderr
+        record = json.loads(done.stdout)
+        assert record["engine"]["ranks"] == 2
+        assert record["status"] == "finished"
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["runs", "tiny.toml"]
+
+    def test_bad_input_is_one_sentence_and_status_2(self, name, tmp_path):
+        done = self.run(name, tmp_path, "--set", "intruder.depth=1 m")
+        assert done.returncode == 2
+        assert done.stderr.count("intruder.depth") == 1
+
+    def test_a_folder_in_use_ends_every_rank(self, name, tmp_path):
+        done = self.run(name, tmp_path, "--out", str(tmp_path))
+        assert done.returncode == 2
+        assert "not an empty folder" in done.stderr
 
 
 @pytest.mark.parametrize("ranks", [0, -1, 100_000])

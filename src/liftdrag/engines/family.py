@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -51,8 +50,16 @@ class Family(ABC):
         """The words that start it on a deck, on one rank."""
 
     @abstractmethod
-    def waiting(self) -> list[str]:
-        """The words that start a rank which is told by the first one what to run, if anything."""
+    def join(self) -> NoReturn:
+        """Become a rank that waits for the first one to say what to run, if anything."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Tell the waiting ranks that there is nothing to run."""
+
+    @abstractmethod
+    def summon(self, folder: Path) -> None:
+        """Tell the waiting ranks of a job where the run is."""
 
     @abstractmethod
     def launcher(self) -> Path:
@@ -67,16 +74,6 @@ class Family(ABC):
         self.about()
         if ranks > 1 and self.world().size == 1:
             self.launcher()
-
-    def join(self) -> NoReturn:
-        """Become the rank that waits for the first one."""
-        words = self.waiting()
-        os.execv(words[0], words)
-
-    def release(self) -> None:
-        """Tell the waiting ranks that there is nothing to run."""
-        if self.world().size > 1:
-            subprocess.run(self.waiting(), stdin=subprocess.DEVNULL, close_fds=False, check=False)
 
     def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
         """Run the deck on the ranks of the MPI job around us or, `alone`, on new ones."""
@@ -102,10 +99,12 @@ class Family(ABC):
     ) -> process.Started:
         """As one of the ranks of the job around us; the others are told when that fails."""
         try:
-            return process.start(command, folder, environment, SAYS, own_group=False)
+            started = process.start(command, folder, environment, SAYS, own_group=False)
         except RunFailed:
             self.release()
             raise
+        self.summon(folder)
+        return started
 
     def _outcome(self, plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
         log = checks.text(folder / self.log)

@@ -9,6 +9,7 @@ import sys
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
+from typing import NoReturn
 
 from liftdrag.deck import dialect
 from liftdrag.engines import mpi
@@ -63,9 +64,17 @@ class Lammps(Family):
         """The child that runs the deck in the folder."""
         return [*_CHILD, str(folder), start]
 
-    def waiting(self) -> list[str]:
-        """The child that waits for the first rank's announcement; from that one, of nothing."""
-        return _CHILD
+    def join(self) -> NoReturn:
+        """Become the child that waits for the first rank's announcement."""
+        os.execv(_CHILD[0], _CHILD)
+
+    def release(self) -> None:
+        """Announce that there is nothing to run."""
+        if self.world().size > 1:
+            subprocess.run(_CHILD, close_fds=False, check=False)
+
+    def summon(self, folder: Path) -> None:
+        """The first rank's child does it by itself."""
 
     def launcher(self) -> Path:
         """The wheel's own."""

@@ -12,6 +12,13 @@ from pathlib import Path
 
 from liftdrag.errors import InputError
 
+_MARKS = tuple(
+    """PMI_ PMIX_ HYDI_ HYDRA_ MPI_LOCAL OMPI_COMM OMPI_UNIVERSE_ OMPI_NUM_APP OMPI_FIRST_RANKS
+    OMPI_APP_CTX OMPI_FILE_LOCATION OMPI_MCA_orte_ OMPI_MCA_ess OMPI_MCA_pmix
+    OMPI_MCA_initial_wdir""".split()
+)
+"""How the variables begin by which a launcher ties a process to its job."""
+
 
 @dataclass(frozen=True)
 class Flavour:
@@ -154,5 +161,4 @@ def settings(flavour: Flavour, environment: Mapping[str, str]) -> dict[str, str]
 
 def outside(environment: Mapping[str, str]) -> dict[str, str]:
     """The environment without the marks of the MPI job that started this process."""
-    marks = ("PMI_", "PMIX_", "HYDI_", "HYDRA_", "MPI_LOCAL", "OMPI_COMM_", "OMPI_UNIVERSE_")
-    return {key: value for key, value in environment.items() if not key.startswith(marks)}
+    return {key: value for key, value in environment.items() if not key.startswith(_MARKS)}

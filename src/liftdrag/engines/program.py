@@ -6,15 +6,19 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import sysconfig
+import tempfile
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
+from typing import NoReturn
 
+from liftdrag.deck import Plan
 from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LIGGGHTS, Dialect
-from liftdrag.engines import mpi
-from liftdrag.engines.base import About
+from liftdrag.engines import meeting, mpi
+from liftdrag.engines.base import About, Outcome, Progress
 from liftdrag.engines.family import Family
 from liftdrag.errors import InputError
 
@@ -125,9 +129,30 @@ class Program(Family):
         """The program on a deck of the folder that it is started in."""
         return [str(self.path), "-in", start, "-log", self.log, "-screen", "none"]
 
-    def waiting(self) -> list[str]:
-        """The program: a rank other than the first gets the deck from it, not from a file."""
-        return [str(self.path), "-log", "none", "-screen", "none"]
+    def join(self) -> NoReturn:
+        """Become a rank of the program, which gets the deck's lines from the first one."""
+        folder = meeting.wait()
+        if folder is None:
+            sys.exit(0)
+        os.chdir(folder)
+        os.execv(self.path, [str(self.path), "-log", "none", "-screen", "none"])
+
+    def release(self) -> None:
+        """Send the waiting ranks home."""
+        if self.world().size > 1:
+            meeting.dismiss()
+
+    def summon(self, folder: Path) -> None:
+        """Call the waiting ranks to the run's folder."""
+        meeting.announce(folder.resolve())
+
+    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
+        """As the family does; the ranks' meeting place is tidied up."""
+        try:
+            return super().run(plan, folder, progress, alone)
+        finally:
+            if not alone and self.world().size > 1:
+                meeting.end()
 
     def launcher(self) -> Path:
         """The launcher that belongs to the library that it is linked with."""
@@ -149,18 +174,21 @@ def _executable(path: Path, kind: Kind) -> Path:
 
 
 def _output(command: list[str]) -> str:
+    """What a program says, in a folder of its own: LIGGGHTS writes a log even of its help."""
     environment = mpi.outside(os.environ) | mpi.settings(mpi.OPEN_MPI, os.environ)
-    try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=30,
-            errors="replace",
-            stdin=subprocess.DEVNULL,
-            env=environment,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired):
-        return ""
+    with tempfile.TemporaryDirectory(prefix="liftdrag-") as folder:
+        try:
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                timeout=30,
+                errors="replace",
+                stdin=subprocess.DEVNULL,
+                env=environment,
+                cwd=folder,
+                check=False,
+            )
+        except (OSError, subprocess.TimeoutExpired):
+            return ""
     return done.stdout + done.stderr
