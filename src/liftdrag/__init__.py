@@ -16,8 +16,10 @@ _HOMES = {"Case": "liftdrag.case", "load": "liftdrag.case"}
 
 def __getattr__(name: str) -> Any:
     """Import the public names when they are first used, so that `--help` answers at once."""
-    if name not in __all__:
-        raise AttributeError(f"module 'liftdrag' has no attribute {name!r}")
     from importlib import import_module
 
+    if name == "verify":
+        return import_module("liftdrag.verify")
+    if name not in __all__:
+        raise AttributeError(f"module 'liftdrag' has no attribute {name!r}")
     return getattr(import_module(_HOMES.get(name, "liftdrag.runner")), name)
