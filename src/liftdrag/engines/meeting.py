@@ -7,10 +7,13 @@ the program.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
 from pathlib import Path
+
+from liftdrag.errors import InputError
 
 POLL_S = 0.1
 
@@ -22,16 +25,29 @@ RECENT_S = 60.0
 
 
 def place() -> Path:
-    """The file of this job, by what its launcher calls it, or by the launcher's own process."""
-    names = ("PMIX_NAMESPACE", "SLURM_JOB_ID", "SLURM_STEP_ID", "PMI_JOBID")
-    job = "-".join(os.environ[name] for name in names if name in os.environ)
-    safe = "".join(letter if letter.isalnum() else "-" for letter in job or str(os.getppid()))
+    """The file of this job, by what its launcher calls it, or by the launcher's own process.
+
+    The latter is of one node: MPICH's mpiexec without Slurm names its jobs no better.
+    """
+    slurm = "-".join(os.environ.get(name, "") for name in ("SLURM_JOB_ID", "SLURM_STEP_ID"))
+    job = os.environ.get("PMIX_NAMESPACE") or slurm.strip("-") or str(os.getppid())
+    safe = "".join(letter if letter.isalnum() else "-" for letter in job)
     return Path.cwd() / f".liftdrag-{safe}"
+
+
+def check() -> None:
+    """Raise InputError when the ranks cannot meet."""
+    if not os.access(Path.cwd(), os.W_OK):
+        raise InputError(
+            f"The folder {Path.cwd()} cannot be written, and the ranks of the MPI job have to "
+            "meet in it; start liftdrag in another."
+        )
 
 
 def dismiss() -> None:
     """Send the waiting ranks home."""
-    announce(None)
+    with contextlib.suppress(OSError):
+        announce(None)
     time.sleep(GRACE_S)
     end()
 

