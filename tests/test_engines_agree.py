@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from math import hypot, sqrt
@@ -10,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import EXPERIMENTS
 
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case, load
 from liftdrag.deck import Deck
 from liftdrag.engines import ENGINES, engine
-from liftdrag.runner import prepare, run
+from liftdrag.runner import Result, analyze, prepare, run
 
 QUICK = load("quick")
 SMALL = (
@@ -146,3 +148,19 @@ def test_averages_agree_on_a_longer_run(tmp_path: Path, capsys: pytest.CaptureFi
             error = hypot(one.standard_error, other.standard_error)
             assert error < most * one.mean
             assert abs(off[f"{name} {key}"]) < 2.0
+
+
+@pytest.mark.parametrize("name", ["lmp", "liggghts"])
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_every_experiment_runs_on_every_engine(
+    name: str, experiment: str, result_of: Callable[[str], Result], out: Path
+):
+    """The tiny tanks of the three experiments: the same weight above the cylinder."""
+    wheel = result_of(experiment).quantities
+    found = run(EXPERIMENTS[experiment], out, engine=name)
+    assert found.record["engine"]["name"] == name
+    for key in ("overburden", "effective_depth", "solid_fraction"):
+        assert found.quantities[key].mean == pytest.approx(wheel[key].mean, rel=0.03)
+    assert (out / "bed.png").stat().st_size > 0
+    again = analyze(out)
+    assert again.quantities["drag"].mean == found.quantities["drag"].mean
