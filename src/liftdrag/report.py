@@ -63,7 +63,7 @@ def engine_table(patients: list[Patient]) -> Table:
     from rich.table import Table
 
     result = Table()
-    for heading in ("engine", "version", "program", "MPI", "launcher", "probes"):
+    for heading in ("engine", "version", "program", "MPI", "launcher", "packages", "probes"):
         result.add_column(heading, overflow="fold")
     for patient in patients:
         if patient.about is None:
@@ -77,9 +77,18 @@ def engine_table(patients: list[Patient]) -> Table:
             str(about.path),
             about.mpi,
             patient.launcher,
+            _packages(patient),
             f"{passed} of {len(patient.probes)} passed",
         )
     return result
+
+
+def _packages(patient: Patient) -> str:
+    """How many, and whether those of grains are among them."""
+    if not patient.packages:
+        return "not listed"
+    grains = [name for name in ("GRANULAR", "RIGID", "ASPHERE") if name in patient.packages]
+    return f"{len(patient.packages)}, with {', '.join(grains) or 'none for grains'}"
 
 
 def probe_table(patients: list[Patient]) -> Table:

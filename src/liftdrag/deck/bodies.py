@@ -96,6 +96,8 @@ def _data_file(contact: Contact, bodies: Bodies, steps: Steps) -> str:
 def _box(contact: Contact, bodies: Bodies, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
     """A box that holds the bodies wherever they go, and the wall's surface."""
     time = steps.time_step * steps.count
-    speed = np.linalg.norm(bodies.velocities, axis=1).max(initial=0.0) + bodies.gravity * time
-    room = 4.0 * contact.radius + 1.5 * speed * time
+    speed = np.abs(bodies.velocities).max(axis=0, initial=0.0)
+    falling = np.array([0.0, 0.0, bodies.gravity * time])
+    turning = contact.radius * np.abs(bodies.spins).max(initial=0.0)
+    room = 4.0 * contact.radius + 1.5 * (speed + falling + turning) * time
     return bodies.centres.min(axis=0) - room, bodies.centres.max(axis=0) + room

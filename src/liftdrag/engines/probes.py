@@ -32,6 +32,9 @@ SLIDE_STEP = 0.05
 SLIDE_TIME = 20.0
 """Rayleigh times that a body slides, half the time after which it would roll."""
 
+SMALL_OVERLAP = 0.05
+"""Largest overlap of the impacts, over the radius."""
+
 ANGLES = range(0, 90, 5)
 """Degrees from the normal at which bodies are thrown."""
 
@@ -115,7 +118,7 @@ class Subject:
 
 def _impact_probes(engine: Engine, subject: Subject, partner: Partner) -> Iterator[Probe]:
     """Restitution of a head-on impact; the largest gain of energy at any angle."""
-    throws = [Throw(_drop_speed(subject), float(angle)) for angle in ANGLES]
+    throws = [Throw(_throw_speed(subject, partner), float(angle)) for angle in ANGLES]
     found = impacts(
         engine,
         subject.facing(partner),
@@ -132,9 +135,12 @@ def _impact_probes(engine: Engine, subject: Subject, partner: Partner) -> Iterat
     yield Probe(f"{partner}_energy", gain, 0.0, "of the energy gained", GAIN)
 
 
-def _drop_speed(subject: Subject) -> float:
-    """Speed (m/s) of a fall by a grain's diameter."""
-    return float(np.sqrt(2.0 * GRAVITY * 2.0 * subject.contact.radius))
+def _throw_speed(subject: Subject, partner: Partner) -> float:
+    """Speed (m/s) of a fall by a diameter, or at which the overlap is small, if that is less."""
+    radius = subject.contact.radius
+    k, mass = stiffness_and_mass(subject.facing(partner), subject.density, _wall(partner))
+    small = float(np.sqrt(4.0 * k * (SMALL_OVERLAP * radius) ** 2.5 / (5.0 * mass)))
+    return min(float(np.sqrt(4.0 * GRAVITY * radius)), small)
 
 
 def _wall(partner: Partner) -> Wall | None:
