@@ -43,12 +43,14 @@ class Impact:
         peak_force: largest normal force, N, by a parabola through the largest sample.
         peak_overlap: largest overlap, m, likewise.
         duration: of the contact, s.
-        normal_restitution: closing speed after over before.
-        tangential_restitution: tangential velocity of the centre, after over before;
-            not a number when there was none before.
-        tangential_velocity: of the centre afterwards, m/s.
-        spin: afterwards, rad/s, about tangent x normal: forward rolling is negative.
-        energy_ratio: kinetic energy, of rotation too, after over before.
+        normal_restitution: closing speed after over before, along the line of centres at
+            the end and at the start of the contact.
+        tangential_restitution: tangential velocity of the (first) sphere's centre, after
+            over before; not a number when there was none before.
+        tangential_velocity: of that centre afterwards, m/s.
+        spin: of that sphere afterwards, rad/s, about tangent x normal: forward rolling is
+            negative.
+        energy_ratio: kinetic energy of all bodies, of rotation too, after over before.
     """
 
     peak_force: float
@@ -71,8 +73,9 @@ def impacts(
 ) -> list[Impact]:
     """The impacts of equal spheres on a wall or, without one, each on a mirrored twin.
 
-    The twin has the opposite velocity and the opposite spin. The throws do not meet each
-    other. Raises RunFailed when the engine fails or the bodies do not part, InputError
+    The twin has the opposite velocity and the opposite spin, and touches head-on: the line
+    of centres is first along the normal that the angle is counted from. The throws do not
+    meet each other. Raises RunFailed when the engine fails or the bodies do not part, InputError
     when the time step is too small.
     """
     steps = _steps(contact, density, throws, time_step, wall)
@@ -80,6 +83,8 @@ def impacts(
     while True:
         motion = move(engine, contact, bodies, steps)
         found = [_Pair(motion, contact, wall, index, len(throws)) for index in range(len(throws))]
+        if not all(pair.met for pair in found):
+            raise RunFailed("engine_error", f"{engine.name}: the bodies did not touch.")
         if all(pair.parted for pair in found):
             return [pair.impact(throw) for pair, throw in zip(found, throws, strict=True)]
         if steps.count * time_step > LONGEST * _duration(contact, density, throws, wall):
@@ -133,7 +138,8 @@ def _bodies(
     centres = np.column_stack([nothing, reach * np.arange(len(throws)), height])
     spins = np.column_stack([spin, nothing, nothing])
     if wall is None:
-        centres = np.concatenate([centres, centres * [1.0, 1.0, -1.0]])
+        approach = APPROACH * steps.time_step * velocity * [0.0, 1.0, 0.0]
+        centres = np.concatenate([centres - approach, centres * [1.0, 1.0, -1.0] + approach])
         velocity, spins = np.concatenate([velocity, -velocity]), np.concatenate([spins, -spins])
     return Bodies(density, centres, velocity, spins, wall)
 
@@ -142,47 +148,51 @@ class _Pair:
     """One sphere and its partner in a motion of several."""
 
     def __init__(self, motion: Motion, contact: Contact, wall: Wall | None, index: int, count: int):
-        self.time, self.contact = motion.time, contact
-        self.velocity, self.spin = motion.velocity[:, index], motion.spin[:, index, 0]
-        centre, force = motion.position[:, index], motion.force[:, index]
-        reach, partner = contact.radius, np.zeros_like(centre)
-        self.closing = -self.velocity[:, 2]
-        if wall is None:
-            partner, reach = motion.position[:, index + count], 2.0 * contact.radius
-            self.closing = motion.velocity[:, index + count, 2] - self.velocity[:, 2]
-        between = centre - partner
-        if wall == "plane":
-            between = between * [0.0, 0.0, 1.0]
-        elif wall == "cylinder":
-            between, reach = between * [1.0, 0.0, 1.0], reach + contact.wall_radius
+        self.time, self.radius = motion.time, contact.radius
+        self.bodies = [index] if wall else [index, index + count]
+        self.velocity, self.spin = motion.velocity[:, self.bodies], motion.spin[:, self.bodies]
+        between, reach = _between(motion, contact, wall, index, count)
         distance = np.linalg.norm(between, axis=1)
+        self.normal = between / distance[:, None]
         self.overlap = reach - distance
-        self.normal_force = np.einsum("ij,ij->i", force, between) / distance
+        self.normal_force = np.einsum("ij,ij->i", motion.force[:, index], self.normal)
+
+    @property
+    def met(self) -> bool:
+        """Whether the bodies touched at all."""
+        return bool(self.overlap.max() > 0.0)
 
     @property
     def parted(self) -> bool:
         """Whether the bodies touched and are apart again."""
-        return bool(self.overlap[-1] < 0.0 < self.overlap.max())
+        return bool(self.overlap[-1] < 0.0) and self.met
 
     def impact(self, throw: Throw) -> Impact:
         """What came of it."""
-        tangential = float(self.velocity[-1, 1])
+        touching = np.flatnonzero(self.overlap > 0.0)
+        last = self.normal[touching[-1]]
+        tangential = float(self.velocity[-1, 0] @ [0.0, last[2], -last[1]])
         before = throw.speed * sin(radians(throw.angle))
         return Impact(
             peak_force=_peak(self.normal_force),
             peak_overlap=_peak(self.overlap),
             duration=self._duration(),
-            normal_restitution=float(-self.closing[-1] / self.closing[0]),
+            normal_restitution=-self._closing(-1, last)
+            / self._closing(0, self.normal[touching[0]]),
             tangential_restitution=tangential / before if before else float("nan"),
             tangential_velocity=tangential,
-            spin=float(self.spin[-1]),
-            energy_ratio=float(self._energy(-1) / self._energy(0)),
+            spin=float(self.spin[-1, 0, 0]),
+            energy_ratio=self._energy(-1) / self._energy(0),
         )
 
+    def _closing(self, frame: int, normal: np.ndarray) -> float:
+        """Speed of approach along the normal; a wall stands still, a twin comes as fast."""
+        return float(-self.velocity[frame, 0] @ normal)
+
     def _energy(self, frame: int) -> float:
-        """Kinetic energy per mass, of translation and of rotation about x."""
-        turning: float = 0.4 * (self.contact.radius * self.spin[frame]) ** 2
-        return float(self.velocity[frame] @ self.velocity[frame]) + turning
+        """Kinetic energy per mass of all the bodies, of translation and of rotation."""
+        turning = 0.4 * (self.radius * self.spin[frame]) ** 2
+        return float((self.velocity[frame] ** 2 + turning).sum())
 
     def _duration(self) -> float:
         touching = np.flatnonzero(self.overlap > 0.0)
@@ -193,6 +203,18 @@ class _Pair:
         one, other = self.overlap[before], self.overlap[before + 1]
         share = one / (one - other)
         return float(self.time[before] + share * (self.time[before + 1] - self.time[before]))
+
+
+def _between(
+    motion: Motion, contact: Contact, wall: Wall | None, index: int, count: int
+) -> tuple[np.ndarray, float]:
+    """From the partner to the sphere (t, 3), and the distance at which they touch."""
+    centre = motion.position[:, index]
+    if wall == "plane":
+        return centre * [0.0, 0.0, 1.0], contact.radius
+    if wall == "cylinder":
+        return centre * [1.0, 0.0, 1.0], contact.radius + contact.wall_radius
+    return centre - motion.position[:, index + count], 2.0 * contact.radius
 
 
 def _peak(values: np.ndarray) -> float:
