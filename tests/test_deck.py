@@ -18,9 +18,10 @@ import liftdrag.deck.tank
 from liftdrag.case import Case, load, packaged
 from liftdrag.deck import Deck
 from liftdrag.deck.commands import ALLOWED, check_commands
-from liftdrag.deck.dialect import DIALECTS, LAMMPS, Dialect
+from liftdrag.deck.dialect import DIALECTS, LAMMPS, LIGGGHTS, Dialect
 from liftdrag.deck.tank import build
 from liftdrag.deck.template import render, template
+from liftdrag.errors import CaseError
 from liftdrag.numerics import derive
 from liftdrag.packing import TOLERANCE
 
@@ -153,6 +154,13 @@ def test_number_that_is_missing_is_an_error(monkeypatch: pytest.MonkeyPatch, dia
         rest = {key: value for key, value in context.items() if key != missing}
         with pytest.raises(jinja2.UndefinedError, match=f"'{missing}' is undefined"):
             render(name, rest)
+
+
+def test_drive_through_the_skin_in_a_step_is_refused_for_liggghts():
+    """It would stop the run; LAMMPS would not."""
+    fast = FREE.set("drive.speed", 6.0)
+    with pytest.raises(CaseError, match=r"^drive\.speed = 6: .* where LIGGGHTS stops"):
+        deck_of(fast, dialect=LIGGGHTS)
 
 
 @dialect

@@ -235,5 +235,10 @@ def test_lammps_takes_restitutions_that_liggghts_does_not():
 
 
 def test_dialects_have_names_of_their_own():
-    assert [dialect.name for dialect in DIALECTS] == ["lammps", "lammps-2021", "liggghts"]
-    assert [dialect.program for dialect in DIALECTS] == ["lmp", "lmp", "liggghts"]
+    assert [dialect.name for dialect in DIALECTS] == [
+        "lammps",
+        "lammps-2023",
+        "lammps-2021",
+        "liggghts",
+    ]
+    assert [dialect.program for dialect in DIALECTS] == ["lmp", "lmp", "lmp", "liggghts"]

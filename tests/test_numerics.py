@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from liftdrag.case import Case, load, packaged
+from liftdrag.errors import CaseError
 from liftdrag.numerics import Numerics, derive, explained, pressure
 
 PAPER = Case(
@@ -302,3 +303,10 @@ def test_explanation_names_each_value_with_its_reason_and_the_warnings():
         assert f" {value.unit} " in line
     assert lines[-len(found.warnings) :] == [f"WARNING: {text}" for text in found.warnings]
     assert found.warnings
+
+
+def test_grains_too_soft_to_be_grains_are_refused():
+    with pytest.raises(
+        CaseError, match=r"^grains\.youngs_modulus = 1000: .* at least 1\.\d+e\+0[56] Pa"
+    ):
+        numerics("grains.youngs_modulus", 1e3)

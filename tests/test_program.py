@@ -15,7 +15,7 @@ from conftest import tiny_tank
 
 import liftdrag.runner
 from liftdrag.deck import Plan
-from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LIGGGHTS
+from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LAMMPS_2023, LIGGGHTS
 from liftdrag.engines import ENGINES, checks, engine, mpi
 from liftdrag.engines.program import LIGGGHTS_BINARY, LMP, Kind, Program
 from liftdrag.errors import InputError, RunFailed
@@ -165,7 +165,8 @@ def test_a_path_that_is_no_program_is_refused(kind, fault, tmp_path, monkeypatch
         path.mkdir()
     if fault == "not executable":
         program(path, LIGGGHTS_SAYS, BANNER + "22 Jul 2025").chmod(0o644)
-    expected = f"{path} is not a program; name the path of {kind.title} with --engine-path."
+    expected = f"{path} is not a program; name the path of {kind.title} with --engine-path "
+    expected += f"or {kind.variable}."
     assert refusal(Program(kind, path)) == expected
     monkeypatch.setenv(kind.variable, str(path))
     assert refusal(Program(kind)) == expected
@@ -213,9 +214,9 @@ def test_a_program_may_say_what_it_is_on_either_stream(stream, tmp_path):
         ("29 Sep 2021", "29 Sep 2021", LAMMPS_2021),
         ("23 Jun 2022 - Update 4", "23 Jun 2022 Update 4", LAMMPS_2021),
         ("21 Dec 2022", "21 Dec 2022", LAMMPS_2021),
-        ("22 Dec 2022", "22 Dec 2022", LAMMPS),
-        ("22 Dec 2022 - Development", "22 Dec 2022", LAMMPS),
-        ("2 Aug 2023 - Update 3", "2 Aug 2023 Update 3", LAMMPS),
+        ("22 Dec 2022", "22 Dec 2022", LAMMPS_2023),
+        ("22 Dec 2022 - Development", "22 Dec 2022", LAMMPS_2023),
+        ("2 Aug 2023 - Update 3", "2 Aug 2023 Update 3", LAMMPS_2023),
         ("17 Apr 2024 - Maintenance", "17 Apr 2024", LAMMPS),
         ("22 Jul 2025", "22 Jul 2025", LAMMPS),
         ("29 Sept 2025", "29 Sept 2025", LAMMPS),
@@ -234,7 +235,7 @@ def test_a_script_has_no_mpi_and_runs_on_one_rank(tmp_path):
     assert found.settings() == {}
     found.check(1)
     for start in (found.launcher, lambda: found.check(2)):
-        with pytest.raises(InputError, match=r"lmp was built without MPI; run with --ranks 1\.$"):
+        with pytest.raises(InputError, match=r"lmp cannot be seen: .* run with --ranks 1\.$"):
             start()
 
 

@@ -203,6 +203,8 @@ def doctor(
     from liftdrag.progress import spinning
     from liftdrag.report import engine_table, probe_table
 
+    if engine_path is not None and engine is None:
+        raise InputError("--engine-path needs --engine: say whether it is lmp or liggghts.")
     names = ENGINES if engine is None else (engine,)
     with spinning() as tell:
         found = [examine(name, engine_path, tell) for name in names]
@@ -214,7 +216,7 @@ def doctor(
         _print_tables(engine_table(found), probe_table(found))
     if not all(patient.healthy for patient in found):
         failing = ", ".join(patient.name for patient in found if not patient.healthy)
-        raise RunFailed("engine_error", f"Failing a probe: {failing}.")
+        raise RunFailed("engine_error", f"Failing a probe, or not where it was named: {failing}.")
 
 
 @app.command()

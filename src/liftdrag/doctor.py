@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -37,11 +38,12 @@ class Patient:
     packages: tuple[str, ...]
     probes: tuple[Probe, ...]
     missing: str = ""
+    named: bool = False
 
     @property
     def healthy(self) -> bool:
-        """Whether no probe failed; of an engine that is missing, none did."""
-        return all(found.passed for found in self.probes)
+        """Whether no probe failed; one that was named, and is missing, is not healthy."""
+        return all(found.passed for found in self.probes) and not (self.missing and self.named)
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -63,7 +65,8 @@ def examine(
     try:
         about = chosen.about()
     except InputError as error:
-        return Patient(name, None, "", (), (), str(error))
+        named = path is not None or f"LIFTDRAG_{name.upper()}" in os.environ
+        return Patient(name, None, "", (), (), str(error), named)
     launcher, found = _launcher(chosen), []
     for probed in probe(chosen, GRAINS):
         tell(f"{name}: {probed.name} {probed.finding}")

@@ -39,6 +39,9 @@ FRONT_STRESS = 15.0
 QUASI_STATIC = 0.02
 """Inertial number above which the forces, the lift first, depend on the speed."""
 
+DEEPEST = 0.5
+"""Overlap in grain diameters at which a grain is no grain any more."""
+
 MAX_STEPS = 2_000_000_000
 
 SPEED_HINT = 3e6
@@ -304,6 +307,13 @@ def _processors(scene: TankScene, ranks: int) -> Value[tuple[int, int, int]]:
 def _overlap_ratio(scene: TankScene) -> Value[float]:
     force = FRONT_STRESS * pressure(scene) * scene.grains.diameter**2
     overlap = hertz.static_overlap(force, scene.grains.stiffness) / scene.grains.diameter
+    if overlap > DEEPEST:
+        raise CaseError(
+            "grains.youngs_modulus",
+            scene.grains.youngs_modulus,
+            f"the grains in front of the cylinder would overlap by {overlap:.2g} d",
+            f"make it at least {scene.grains.youngs_modulus * (overlap / 0.05) ** 1.5:.2g} Pa",
+        )
     return Value(overlap, "d", f"in front of the cylinder, at {FRONT_STRESS:g} times the pressure")
 
 

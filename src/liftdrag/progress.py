@@ -68,6 +68,7 @@ def spinning() -> Iterator[Callable[[str], None]]:
         yield lambda words: print(words, file=sys.stderr, flush=True)
         return
     from rich.console import Console
+    from rich.markup import escape
 
     with Console(stderr=True).status("starting") as status:
-        yield status.update
+        yield lambda words: status.update(escape(words))

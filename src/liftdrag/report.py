@@ -60,6 +60,7 @@ def _cells(quantity: Quantity) -> Iterator[str]:
 
 def engine_table(patients: list[Patient]) -> Table:
     """The engines: version, place, MPI and its launcher."""
+    from rich.markup import escape
     from rich.table import Table
 
     result = Table()
@@ -67,16 +68,16 @@ def engine_table(patients: list[Patient]) -> Table:
         result.add_column(heading, overflow="fold")
     for patient in patients:
         if patient.about is None:
-            result.add_row(patient.name, "not installed", patient.missing)
+            result.add_row(patient.name, "not installed", escape(patient.missing))
             continue
         passed = sum(found.passed for found in patient.probes)
         about = patient.about
         result.add_row(
             about.name,
-            about.version,
-            str(about.path),
+            escape(about.version),
+            escape(str(about.path)),
             about.mpi,
-            patient.launcher,
+            escape(patient.launcher),
             _packages(patient),
             f"{passed} of {len(patient.probes)} passed",
         )
@@ -108,7 +109,9 @@ def probe_table(patients: list[Patient]) -> Table:
 
 
 def _verdict(found: Probe) -> str:
-    value = found.failure if found.measured is None else f"{found.measured:.6g}"
+    from rich.markup import escape
+
+    value = escape(found.failure) if found.measured is None else f"{found.measured:.6g}"
     return value if found.passed else f"[bold red]FAILED: {value}[/]"
 
 

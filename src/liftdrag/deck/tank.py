@@ -13,6 +13,7 @@ from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
 from liftdrag.deck.template import render
+from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
 from liftdrag.numerics import STEP_BOUND, Numerics
 from liftdrag.packing import Container, random_bed, square_layer
@@ -33,6 +34,7 @@ def build(
 
     Raises InputError when packing fails, CaseError when the dialect cannot say the case.
     """
+    _check_skin(scene, numerics, dialect)
     positions, types = _bed(scene)
     context = _context(scene, numerics, dialect) | {
         "program": dialect.program,
@@ -134,14 +136,30 @@ def contact_of(scene: TankScene) -> Contact:
 
 
 def _bounds(dialect: Dialect, numerics: Numerics) -> dict[str, Any]:
-    """The largest step that LIGGGHTS lets through, over the Rayleigh and the Hertz time."""
+    """The largest step that LIGGGHTS lets through, over the Rayleigh and the Hertz time.
+
+    It takes twice the speed of the fastest grain for an impact: twice the Hertz time's share
+    lets grains fly at some ten times the drive's speed.
+    """
     if dialect is not LIGGGHTS:
         return {}
     step = numerics.time_step.value
     return {
         "rayleigh_bound": max(STEP_BOUND, 1.01 * step / numerics.rayleigh_time.value),
-        "hertz_bound": max(STEP_BOUND, 1.01 * step / numerics.hertz_time.value),
+        "hertz_bound": 2.0 * max(STEP_BOUND, 1.01 * step / numerics.hertz_time.value),
     }
+
+
+def _check_skin(scene: TankScene, numerics: Numerics, dialect: Dialect) -> None:
+    """LIGGGHTS stops when two grains at the drive's speed could meet within the skin in a step."""
+    step, skin = numerics.time_step.value, numerics.skin.value
+    if dialect is LIGGGHTS and 2.5 * scene.drive.speed * step > skin:
+        raise CaseError(
+            "drive.speed",
+            scene.drive.speed,
+            f"grains cross the skin, {skin:.3g} m, in a step of {step:.3g} s, where LIGGGHTS stops",
+            f"drive at most at {skin / (2.5 * step):.3g} m/s, or choose another engine",
+        )
 
 
 def _loads(scene: TankScene) -> dict[str, Any]:

@@ -14,7 +14,9 @@ from liftdrag.tables import read_table
 
 LOOP = re.compile(r"Loop time of (\S+) on \d+ procs for (\d+) steps with (\d+) atoms")
 _GRID = re.compile(r"^\s*(\d+) by (\d+) by (\d+) MPI processor grid", re.MULTILINE)
-_SIGNAL = re.compile(r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$", re.MULTILINE)
+_SIGNAL = re.compile(
+    r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$|exited on signal (9|15) ", re.MULTILINE
+)
 _END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
 _UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
 _COPIES = re.compile(r"^ERROR.*[Pp]rocessors != physical processors", re.MULTILINE)
@@ -28,6 +30,12 @@ _CAUSES = (
         r"^ERROR.*([Nn]on-numeric|out of range - cannot compute)",
         "not_finite",
         "a position is not a number; a smaller numerics.time_step may help",
+    ),
+    (
+        r"^ERROR.*(skin too small|time-?step.*(rayleigh|hertz))",
+        "engine_error",
+        "grains move too fast for the time step; a smaller numerics.time_step or a slower "
+        "drive.speed may help",
     ),
     (r"No space left on device", "disk_full", "the disk is full; free some and run again"),
 )

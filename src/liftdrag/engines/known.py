@@ -38,13 +38,13 @@ def _recall(engine: Engine, subject: Subject, name: str) -> Probe | None:
         stored = json.loads(_file(engine, subject, name).read_text("utf-8"))
         found = Probe(**{field.name: stored[field.name] for field in fields(Probe)})
         return found if found.passed and found.name == name else None
-    except (OSError, ValueError, LookupError, TypeError):
+    except (OSError, RuntimeError, ValueError, LookupError, TypeError):
         return None
 
 
 def _remember(engine: Engine, subject: Subject, found: Probe) -> None:
-    file = _file(engine, subject, found.name)
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, RuntimeError):
+        file = _file(engine, subject, found.name)
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=file.parent, delete=False) as beside:
             json.dump(asdict(found), beside)
@@ -53,7 +53,8 @@ def _remember(engine: Engine, subject: Subject, found: Probe) -> None:
 
 def _file(engine: Engine, subject: Subject, name: str) -> Path:
     cache = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
-    question = json.dumps([name, *_identity(engine), asdict(subject), *_templates()])
+    numbers = engine.dialect.numbers(subject.contact, 2)
+    question = json.dumps([name, *_identity(engine), asdict(subject), numbers, *_templates()])
     digest = hashlib.sha256(question.encode()).hexdigest()
     return Path(cache) / "liftdrag" / "probes" / f"{digest}.json"
 

@@ -37,11 +37,14 @@ def place() -> Path:
 
 def check() -> None:
     """Raise InputError when the ranks cannot meet."""
-    if not os.access(Path.cwd(), os.W_OK):
+    try:
+        place().with_suffix(".check").touch()
+        place().with_suffix(".check").unlink()
+    except OSError as error:
         raise InputError(
-            f"The folder {Path.cwd()} cannot be written, and the ranks of the MPI job have to "
-            "meet in it; start liftdrag in another."
-        )
+            f"The folder {Path.cwd()} cannot be written ({error.strerror}), and the ranks of the "
+            "MPI job have to meet in it; start liftdrag in another."
+        ) from None
 
 
 def dismiss() -> None:

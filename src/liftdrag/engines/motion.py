@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from liftdrag.deck import Deck
 from liftdrag.deck.bodies import MOTION, Bodies, Steps, build
 from liftdrag.deck.dialect import Contact
-from liftdrag.engines.base import Engine, silent
+from liftdrag.engines.base import Engine, Outcome, silent
 from liftdrag.engines.family import read_dump
 from liftdrag.errors import RunFailed
 
@@ -35,16 +36,27 @@ def move(engine: Engine, contact: Contact, bodies: Bodies, steps: Steps) -> Moti
 
     Raises RunFailed when the engine fails, CaseError when it cannot say the contact law.
     """
-    deck = build(contact, bodies, steps, engine.dialect)
     with tempfile.TemporaryDirectory(prefix="liftdrag-") as name:
         folder = Path(name)
-        deck.write(folder)
-        outcome = engine.run(deck.plan, folder, silent, alone=True)
-        if outcome.status != "finished":
-            raise RunFailed(
-                outcome.status, f"{engine.name} failed: {outcome.reason}.", outcome.evidence
-            )
+        _carry_out(engine, build(contact, bodies, steps, engine.dialect), folder)
         return _read(folder / MOTION, steps.time_step, bodies)
+
+
+def ranks_of_motion(engine: Engine, contact: Contact, bodies: Bodies, steps: Steps) -> int:
+    """On how many ranks the engine, by its own log, moved the bodies. Raises RunFailed."""
+    with tempfile.TemporaryDirectory(prefix="liftdrag-") as name:
+        deck = build(contact, bodies, steps, engine.dialect)
+        return _carry_out(engine, deck, Path(name)).ranks
+
+
+def _carry_out(engine: Engine, deck: Deck, folder: Path) -> Outcome:
+    deck.write(folder)
+    outcome = engine.run(deck.plan, folder, silent, alone=True)
+    if outcome.status != "finished":
+        raise RunFailed(
+            outcome.status, f"{engine.name} failed: {outcome.reason}.", outcome.evidence
+        )
+    return outcome
 
 
 def _read(path: Path, time_step: float, bodies: Bodies) -> Motion:

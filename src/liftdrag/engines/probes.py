@@ -17,8 +17,8 @@ from liftdrag.deck.bodies import Bodies, Steps, Wall
 from liftdrag.deck.dialect import Contact
 from liftdrag.engines.base import Engine
 from liftdrag.engines.impact import Throw, impacts, stiffness_and_mass
-from liftdrag.engines.motion import Motion, move
-from liftdrag.errors import InputError, RunFailed
+from liftdrag.engines.motion import Motion, move, ranks_of_motion
+from liftdrag.errors import CaseError, InputError, RunFailed
 from liftdrag.granular import GRAVITY
 
 Partner = Literal["pair", "plane", "cylinder"]
@@ -192,8 +192,8 @@ def _ranks_probe(engine: Engine, subject: Subject) -> Iterator[Probe]:
     centres = np.array([[0.0, 0.0, 0.0], [0.0, 20.0 * radius, 0.0]])
     bodies = Bodies(subject.density, centres, np.zeros((2, 3)), np.zeros((2, 3)))
     steps = Steps(SLIDE_STEP * subject.rayleigh_time, 10, ranks=2)
-    move(engine, subject.facing("pair"), bodies, steps)
-    yield Probe("ranks", 2.0, 2.0, "ranks", 0.0)
+    ranks = ranks_of_motion(engine, subject.facing("pair"), bodies, steps)
+    yield Probe("ranks", float(ranks), 2.0, "ranks", 0.0)
 
 
 Run = Callable[[Engine, Subject], Iterator[Probe]]
@@ -243,7 +243,10 @@ def check_names(names: tuple[str, ...]) -> None:
 def _tried(run: Run, engine: Engine, subject: Subject, names: tuple[str, ...]) -> list[Probe]:
     try:
         return list(run(engine, subject))
+    except CaseError:
+        raise
+    except InputError as error:
+        failure = str(error)
     except RunFailed as error:
-        said = error.evidence.splitlines()[-1:]
-        failure = " ".join([error.reason, *said])
-        return [Probe(name, None, None, "", 0.0, failure) for name in names]
+        failure = " ".join([error.reason, *error.evidence.splitlines()[-1:]])
+    return [Probe(name, None, None, "", 0.0, failure) for name in names]

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from liftdrag.deck import Plan
-from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LIGGGHTS, Dialect
+from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LAMMPS_2023, LIGGGHTS, Dialect
 from liftdrag.engines import meeting, mpi
 from liftdrag.engines.base import About, Outcome, Progress
 from liftdrag.engines.family import Family
@@ -29,6 +29,9 @@ _PACKAGES = re.compile(r"Installed packages:\s+((?:[A-Z0-9-]+\s+)+)")
 
 REWRITTEN = datetime(2022, 12, 22)
 """The first LAMMPS with the granular contacts rewritten."""
+
+CONSTANT_RESTITUTION = datetime(2024, 4, 17)
+"""The first LAMMPS with a damping for a constant restitution."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +89,10 @@ class Program(Family):
     def _about(self) -> About:
         match = self.kind.pattern.search(self._help)
         if match is None:
+            said = " ".join(self._help.split()[-20:])
             raise InputError(
-                f"{self.path} does not say that it is {self.kind.title}; name another with "
-                f"--engine-path, or choose another --engine."
+                f"{self.path} does not say that it is {self.kind.title}; it says {said[:160]!r}. "
+                "Name another with --engine-path, or choose another --engine."
             )
         version = " ".join(filter(None, match.groups()))
         flavour = self.flavour.name if self.flavour else "none"
@@ -101,14 +105,17 @@ class Program(Family):
 
     @property
     def dialect(self) -> Dialect:
-        """That of LIGGGHTS, or of LAMMPS before or after its contacts were rewritten."""
+        """That of LIGGGHTS, or of LAMMPS at its date."""
         if self.kind is LIGGGHTS_BINARY:
             return LIGGGHTS
         date = " ".join(self.about().version.split()[:3])
         try:
-            return LAMMPS if datetime.strptime(date, "%d %b %Y") >= REWRITTEN else LAMMPS_2021
+            released = datetime.strptime(date, "%d %b %Y")
         except ValueError:
             return LAMMPS
+        if released >= CONSTANT_RESTITUTION:
+            return LAMMPS
+        return LAMMPS_2023 if released >= REWRITTEN else LAMMPS_2021
 
     @cached_property
     def _library(self) -> Path | None:
@@ -164,7 +171,10 @@ class Program(Family):
     def launcher(self) -> Path:
         """The launcher that belongs to the library that it is linked with."""
         if self.flavour is None or self._library is None:
-            raise InputError(f"{self.path} was built without MPI; run with --ranks 1.")
+            raise InputError(
+                f"The MPI of {self.path} cannot be seen: it was built without, or is a script; run "
+                "with --ranks 1."
+            )
         return mpi.launcher(self.flavour, self._library)
 
     def settings(self) -> dict[str, str]:
@@ -175,7 +185,8 @@ class Program(Family):
 def _executable(path: Path, kind: Kind) -> Path:
     if not path.is_file() or not os.access(path, os.X_OK):
         raise InputError(
-            f"{path} is not a program; name the path of {kind.title} with --engine-path."
+            f"{path} is not a program; name the path of {kind.title} with --engine-path or "
+            f"{kind.variable}."
         )
     return path.absolute()
 

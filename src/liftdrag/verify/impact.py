@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite
+from numbers import Real
 from pathlib import Path
 from typing import Literal
 
@@ -95,10 +96,13 @@ _RANGES: dict[str, tuple[str, Callable[[float], bool]]] = {
 }
 
 
-def _check(partner: str, **values: float | None) -> None:
-    for name, value in values.items():
+def _check(partner: str, time_step: float | None, **values: float) -> None:
+    given: dict[str, object] = dict(values)
+    if time_step is not None:
+        given["time_step"] = time_step
+    for name, value in given.items():
         words, holds = _RANGES.get(name, ("finite", isfinite))
-        if value is not None and not (isfinite(value) and holds(value)):
+        if not (isinstance(value, Real) and isfinite(value) and holds(float(value))):
             raise InputError(f"{name} = {value} is out of range; make it {words}.")
     if partner not in ("plane", "sphere"):
         raise InputError(f"partner = {partner!r} is neither 'plane' nor 'sphere'.")
