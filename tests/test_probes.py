@@ -175,7 +175,9 @@ class TestRun:
         assert "lammps fails the probe cylinder_" in str(refused.value)
         assert not out.exists()
 
-    def test_ignored_failure_stands_first_in_the_result(self, templates, out: Path):
+    def test_ignored_failure_stands_first_in_the_result(
+        self, templates, out: Path, monkeypatch, capsys
+    ):
         templates(LAW, CLASSIC["hertz"])
         failing = [
             found.name for found in probe(engine("lammps"), GRAINS, TANK) if not found.passed
@@ -187,6 +189,9 @@ class TestRun:
             assert warning.startswith(f"THE ENGINE IS WRONG: lammps fails the probe {name}")
         record = json.loads((out / "result.json").read_text())
         assert record["warnings"] == result.warnings
+        assert len(record["alarms"]) == len(failing)
+        assert cli(monkeypatch, "analyze", str(out)) == 0
+        assert capsys.readouterr().out.startswith("WARNING: THE ENGINE IS WRONG: lammps fails")
         from liftdrag.runner import analyze
 
         assert analyze(out).warnings[: len(failing)] == result.warnings[: len(failing)]

@@ -268,8 +268,10 @@ def _show(result: Result, as_json: bool) -> None:
     if as_json:
         print(json.dumps(result.record, indent=2))
         return
+    for alarm in result.alarms:
+        print(f"WARNING: {alarm}")
     _print_table(result.quantities)
-    for warning in result.warnings:
+    for warning in result.warnings[len(result.alarms) :]:
         print(f"WARNING: {warning}")
     print(f"In {result.folder}: result.json, series.csv, forces.png, bed.png")
 

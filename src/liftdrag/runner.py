@@ -53,8 +53,13 @@ class Result:
         return str(self.record["status"])
 
     @property
+    def alarms(self) -> list[str]:
+        """What makes the numbers suspect: failed probes that were ignored."""
+        return list(self.record.get("alarms", []))
+
+    @property
     def warnings(self) -> list[str]:
-        """What a reader of the numbers must know first."""
+        """What a reader of the numbers must know, the alarms first."""
         return list(self.record["warnings"])
 
 
@@ -256,6 +261,7 @@ def _result(record: Record, status: str, reasons: list[str]) -> dict[str, Any]:
         "grain_steps_per_s": 0.0,
         "quantities": {},
         "stopped_by": "distance" if status == "finished" else status,
+        "alarms": record.alarms,
         "warnings": [*record.alarms, *reasons, *record.warnings],
         "provenance": record.provenance,
     }
