@@ -160,6 +160,17 @@ def test_elastic_spheres_without_friction_keep_their_speeds_at_any_angle(name: s
 
 
 @every_engine
+def test_energy_is_of_translation_and_of_rotation(name: str):
+    """Of a solid sphere, 2/5 m R^2, after an elastic impact that slides all along."""
+    found = thrown(name, angle=60.0, friction=0.2)
+    across = found.tangential_restitution * sin(radians(60.0))
+    turning = 0.4 * (2e-3 * found.spin / SPEED) ** 2
+    energy = cos(radians(60.0)) ** 2 + across**2 + turning
+    assert turning > 0.01
+    assert found.energy_ratio == pytest.approx(energy, rel=1e-4)
+
+
+@every_engine
 def test_spinning_spheres_lose_energy_together(name: str):
     """Half of their spins is shared by friction: the sum falls, whatever each does."""
     for spin in (100.0, -300.0):
