@@ -71,6 +71,14 @@ def _skip_without(name: str) -> None:
         pytest.skip(str(missing))
 
 
+def program(path: Path, *says: str, to: int = 1) -> Path:
+    """An executable that prints these lines, whatever it is asked; `to` 2 is standard error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("#!/bin/sh\n" + "".join(f"echo '{line}' >&{to}\n" for line in says))
+    path.chmod(0o755)
+    return path
+
+
 def tiny_tank(**tables: Any) -> Case:
     """The tiny tank, with these keys of its tables changed or added."""
     base = tomllib.loads(TINY)

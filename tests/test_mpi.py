@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from conftest import program
 
 from liftdrag.engines import mpi
 from liftdrag.engines.lammps import Lammps
@@ -26,14 +27,6 @@ OMPI = {"OMPI_COMM_WORLD_SIZE": "4", "OMPI_COMM_WORLD_RANK": "3", "PMIX_RANK": "
 STEP = {"SLURM_STEP_NUM_TASKS": "4", "SLURM_PROCID": "3"}
 
 each_flavour = pytest.mark.parametrize("flavour", FLAVOURS, ids=lambda flavour: flavour.name)
-
-
-def program(path: Path, *says: str, to: int = 1) -> Path:
-    """An executable that prints these lines, whatever it is asked; `to` 2 is standard error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("#!/bin/sh\n" + "".join(f"echo '{line}' >&{to}\n" for line in says))
-    path.chmod(0o755)
-    return path
 
 
 def launcher_at(path: Path, flavour: Flavour) -> Path:

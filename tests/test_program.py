@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from conftest import tiny_tank
+from conftest import program, tiny_tank
 
 import liftdrag.runner
 from liftdrag.deck import Plan
@@ -29,14 +29,6 @@ INSTALLED = {LMP: Path("/usr/bin/lmp"), LIGGGHTS_BINARY: Path("/usr/bin/liggghts
 
 needs_both = pytest.mark.needs("lmp", "liggghts")
 each_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-
-
-def program(path: Path, *says: str, to: int = 1) -> Path:
-    """An executable that prints these lines, whatever it is asked; `to` 2 is standard error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("#!/bin/sh\n" + "".join(f"echo '{line}' >&{to}\n" for line in says))
-    path.chmod(0o755)
-    return path
 
 
 @cache
