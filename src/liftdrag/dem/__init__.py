@@ -1,0 +1,28 @@
+"""The in-house engine: two-dimensional grains of any shape; arrays in, samples out.
+
+`law` is the contact law, a scalar function; `ellipse` and `shapes` are the geometry; `forces`
+loops over the contacts, `neighbours` lists them, `motion` integrates. `bed` is what a user of the
+engine holds, `growth` packs it, `contacts` looks at it.
+"""
+
+from liftdrag.dem.bed import Advanced, Bed, Memory, advance
+from liftdrag.dem.contacts import Contacts, contacts, forces
+from liftdrag.dem.growth import grown
+from liftdrag.dem.law import Law
+from liftdrag.dem.motion import ESCAPED, FINE, NOT_FINITE, TOO_DEEP
+
+__all__ = [
+    "ESCAPED",
+    "FINE",
+    "NOT_FINITE",
+    "TOO_DEEP",
+    "Advanced",
+    "Bed",
+    "Contacts",
+    "Law",
+    "Memory",
+    "advance",
+    "contacts",
+    "forces",
+    "grown",
+]

@@ -1,0 +1,57 @@
+"""Compilation by numba, kept on disk and paid once.
+
+numba looks for changes in the file of a compiled function only, not in those of the functions
+that it calls. So the folder of the cache is named after the whole package's text: any change
+compiles all of it anew, and none uses what was compiled from other text.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+
+@cache
+def _folder() -> str:
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in sources)).hexdigest()[:16]
+    parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = parent / "liftdrag" / "kernels" / digest
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return tempfile.mkdtemp(prefix="liftdrag-kernels-")
+    return str(folder)
+
+
+def compiled(parallel: bool = False, inline: bool = False) -> Callable[[Any], Any]:
+    """A decorator: compile for this processor. Division by zero gives inf, as in C.
+
+    `inline` is for the functions of the innermost loop, never called from Python.
+    """
+
+    def decorate(function: Any) -> Any:
+        settings: Any = numba.config
+        before = settings.CACHE_DIR
+        settings.CACHE_DIR = f"{_folder()}/{'parallel' if parallel else 'serial'}"
+        try:
+            return numba.njit(
+                function,
+                cache=not inline,
+                forceinline=inline,
+                parallel=parallel,
+                error_model="numpy",
+                fastmath={"contract"},
+                nogil=True,
+            )
+        finally:
+            settings.CACHE_DIR = before
+
+    return decorate
