@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from liftdrag.case import Case, load, packaged
 from liftdrag.errors import CaseError
-from liftdrag.numerics import Numerics, derive, explained, pressure
+from liftdrag.numerics import Numerics, derive, explained
+from liftdrag.numerics.tank import pressure
 
 PAPER = Case(
     "paper",

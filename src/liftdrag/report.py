@@ -19,7 +19,7 @@ NARROW = 110
 
 _MEANINGS = {
     "drag": "force along the flow",
-    "lift": "force against gravity",
+    "lift": "force across the flow",
     "drag_coefficient": "drag / (rho g h~ D L)",
     "lift_coefficient": "lift / (rho g pi D^2/4 L)",
     "drag_coefficient_overburden": "drag / (measured overburden x D L)",
@@ -29,6 +29,15 @@ _MEANINGS = {
     "overburden": "weight above the axis per area, far",
     "bed_speed_ratio": "far bed over drive",
     "inertial_number": "(U0/D) d / sqrt(P/rho_g)",
+    "drag_fluctuation": "deviation along the way",
+    "drag_deviation": "deviation between packings",
+    "rest_pressure": "on the walls, before the pull",
+    "pressure_left": "on the wall, during the pull",
+    "pressure_right": "on the wall, during the pull",
+    "pressure_bottom": "on the wall behind",
+    "pressure_top": "on the wall ahead",
+    "irregularity": "displacement not affine, over d",
+    "overlap_ratio": "deepest, of the smaller radius",
 }
 
 

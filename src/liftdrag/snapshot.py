@@ -9,9 +9,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Grains at `time` (s): `kind` (n,) type, `position` and `velocity` (n, 3) in m and m/s."""
+    """Grains at `time` (s): `kind` (n,) type, `position` and `velocity` (n, 3) in m and m/s.
+
+    `angle` (n,) of the long axis (rad), where grains have one and the engine tells it.
+    """
 
     time: float
     kind: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
+    angle: np.ndarray | None = None

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator
 
 ALLOWED = frozenset(
-    """atom_modify atom_style boundary comm_modify communicate compute dump dump_modify fix group
-    hard_particles if label neigh_modify neighbor newton pair_coeff pair_style print processors
-    read_data region reset_timestep run soft_particles thermo thermo_modify thermo_style timestep
-    unfix units variable velocity write_dump""".split()
+    """atom_modify atom_style boundary comm_modify communicate compute dimension dump dump_modify
+    fix group hard_particles if label neigh_modify neighbor newton pair_coeff pair_style print
+    processors read_data region reset_timestep run soft_particles thermo thermo_modify
+    thermo_style timestep unfix units variable velocity write_dump""".split()
 )
 """The only engine commands a deck may hold: none that runs programs or includes other decks."""
 
@@ -23,8 +23,8 @@ STYLES = {
     "fix": (
         3,
         set(
-            """ave/time check/timestep/gran gravity halt move nve/sphere property/global viscous
-            wall/gran wall/gran/region""".split()
+            """ave/time check/timestep/gran enforce2d gravity halt move nve/sphere property/atom
+            property/global rigid rigid/small viscous wall/gran wall/gran/region""".split()
         ),
     ),
 }

@@ -79,11 +79,7 @@ def _lammps_2021(contact: Contact, _types: int) -> dict[str, Any]:
 
 
 def _granular(contact: Contact) -> dict[str, Any]:
-    return {
-        "youngs_modulus": contact.youngs_modulus,
-        "poisson_ratio": contact.poisson_ratio,
-        "restitution": contact.restitution,
-        "friction": contact.friction,
+    return _in_house(contact, 1) | {
         "tangential_damping": hertz.tangential_damping(contact.poisson_ratio),
     }
 
@@ -94,6 +90,15 @@ def _wall_modulus(contact: Contact) -> float:
     if contact.wall_radius == inf:
         return modulus
     return hertz.modulus_as_on_plane(modulus, contact.radius, contact.wall_radius)
+
+
+def _in_house(contact: Contact, _types: int) -> dict[str, Any]:
+    return {
+        "youngs_modulus": contact.youngs_modulus,
+        "poisson_ratio": contact.poisson_ratio,
+        "restitution": contact.restitution,
+        "friction": contact.friction,
+    }
 
 
 def _liggghts(contact: Contact, types: int) -> dict[str, Any]:
@@ -132,5 +137,8 @@ LAMMPS_2021 = Dialect("lammps-2021", "lammps", "lmp", _lammps_2021)
 
 LIGGGHTS = Dialect("liggghts", "liggghts", "liggghts", _liggghts)
 """LIGGGHTS 3.8."""
+
+IN_HOUSE = Dialect("dem", "", "python -m liftdrag.engines.dem", _in_house)
+"""The in-house engine, whose decks are tables of numbers."""
 
 DIALECTS = (LAMMPS, LAMMPS_2023, LAMMPS_2021, LIGGGHTS)

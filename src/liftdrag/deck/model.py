@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 
@@ -27,19 +27,27 @@ class Plan:
 
 @dataclass(frozen=True)
 class Deck:
-    """The finished texts of a run by file name, and the plan that they carry out."""
+    """The finished texts of a run by file name, and the plan that they carry out.
+
+    `blobs` are files that are not texts.
+    """
 
     texts: Mapping[str, str]
     plan: Plan
+    blobs: Mapping[str, bytes] = field(default_factory=dict)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the texts and their names."""
-        joined = json.dumps(sorted(self.texts.items()))
-        return hashlib.sha256(joined.encode()).hexdigest()
+        """SHA-256 of the files and their names."""
+        joined = json.dumps(sorted(self.texts.items())).encode()
+        for name, blob in sorted(self.blobs.items()):
+            joined += name.encode() + hashlib.sha256(blob).digest()
+        return hashlib.sha256(joined).hexdigest()
 
     def write(self, folder: Path) -> None:
         """Write the texts into `folder`, which is made when it does not exist."""
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in self.texts.items():
             (folder / name).write_text(text, "utf-8")
+        for name, blob in self.blobs.items():
+            (folder / name).write_bytes(blob)

@@ -15,7 +15,7 @@ from liftdrag.deck.model import Deck, Plan
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
-from liftdrag.numerics import STEP_BOUND, Numerics
+from liftdrag.numerics.tank import STEP_BOUND, TankNumerics
 from liftdrag.packing import Container, random_bed, square_layer
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import FLOOR
@@ -23,7 +23,7 @@ from liftdrag.scene.tank import FLOOR
 
 def build(
     scene: TankScene,
-    numerics: Numerics,
+    numerics: TankNumerics,
     name: str,
     version: str,
     ranks: int = 1,
@@ -51,7 +51,7 @@ def build(
     return Deck(texts, _plan(numerics, ranks))
 
 
-def _plan(numerics: Numerics, ranks: int) -> Plan:
+def _plan(numerics: TankNumerics, ranks: int) -> Plan:
     return Plan(
         start="in.tank",
         ranks=ranks,
@@ -111,7 +111,7 @@ def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> st
     return out.getvalue()
 
 
-def _context(scene: TankScene, numerics: Numerics, dialect: Dialect) -> dict[str, Any]:
+def _context(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> dict[str, Any]:
     law = dialect.numbers(contact_of(scene), 2 if scene.lid is None else 3)
     context = law | _bounds(dialect, numerics) | _loads(scene)
     context |= _geometry(scene) | _far_field(scene) | _steps(numerics)
@@ -135,7 +135,7 @@ def contact_of(scene: TankScene) -> Contact:
     )
 
 
-def _bounds(dialect: Dialect, numerics: Numerics) -> dict[str, Any]:
+def _bounds(dialect: Dialect, numerics: TankNumerics) -> dict[str, Any]:
     """The largest step that LIGGGHTS lets through, over the Rayleigh and the Hertz time.
 
     It takes twice the speed of the fastest grain for an impact: twice the Hertz time's share
@@ -150,7 +150,7 @@ def _bounds(dialect: Dialect, numerics: Numerics) -> dict[str, Any]:
     }
 
 
-def _check_skin(scene: TankScene, numerics: Numerics, dialect: Dialect) -> None:
+def _check_skin(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> None:
     """LIGGGHTS stops when two grains at the drive's speed could meet within the skin in a step."""
     step, skin = numerics.time_step.value, numerics.skin.value
     if dialect is LIGGGHTS and 2.5 * scene.drive.speed * step > skin:
@@ -203,7 +203,7 @@ def _far_field(scene: TankScene) -> dict[str, Any]:
     }
 
 
-def _steps(numerics: Numerics) -> dict[str, Any]:
+def _steps(numerics: TankNumerics) -> dict[str, Any]:
     x, y, z = numerics.processors.value
     names = (
         "time_step settle_damping settle_energy settle_steps settle_steps_max drive_steps "

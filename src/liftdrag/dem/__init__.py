@@ -8,7 +8,7 @@ engine holds, `growth` packs it, `contacts` looks at it.
 from liftdrag.dem.bed import Advanced, Bed, Memory, advance
 from liftdrag.dem.contacts import Contacts, contacts, forces
 from liftdrag.dem.growth import grown
-from liftdrag.dem.law import Law
+from liftdrag.dem.law import Law, hertz_mindlin
 from liftdrag.dem.motion import ESCAPED, FINE, NOT_FINITE, TOO_DEEP
 
 __all__ = [
@@ -25,4 +25,5 @@ __all__ = [
     "contacts",
     "forces",
     "grown",
+    "hertz_mindlin",
 ]

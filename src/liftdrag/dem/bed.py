@@ -23,8 +23,8 @@ from liftdrag.dem.shapes import Discs, Ellipses, PaperEllipses, Shape
 
 NO_WALLS = (-np.inf, np.inf, -np.inf, np.inf)
 
-DEEPEST = 0.5
-"""Overlap over the smaller radius at which a run stops: grains are no grains any more."""
+DEEPEST = 1.0
+"""Overlap over the smaller radius at which a run stops: a grain has gone half-way through."""
 
 SHAPES: dict[str, type[Shape]] = {
     "disc": Discs,

@@ -95,6 +95,7 @@ def pair_forces(shape, scene, radius, law, time_step, pairs, meetings, low, high
 def wall_forces(shape, scene, radius, law, time_step, walls, pairs, force, load):
     """Add the forces of the walls to `force` (p, 3), and the push on each wall to `load` (4,).
 
+    The law's reach lengthens the arm of the torque as well, as LAMMPS has it at walls.
     Returns the elastic energy (J) and the largest depth over the radius.
     """
     place, move, axis = scene
@@ -109,9 +110,9 @@ def wall_forces(shape, scene, radius, law, time_step, walls, pairs, force, load)
         if depth <= 0.0:
             stretches[k] = 0.0
             continue
-        spin = move[i, 2]
+        spin, arm = move[i, 2], along + 0.5 * law.reach * depth
         parting = spin * across - move[i, 0] * nx - move[i, 1] * ny
-        slip = move[i, 0] * ny - move[i, 1] * nx - spin * (along + 0.5 * law.reach * depth)
+        slip = move[i, 0] * ny - move[i, 1] * nx - spin * arm
         push, pull, stretch, elastic = contact_force(
             law,
             spring[k],
@@ -125,7 +126,7 @@ def wall_forces(shape, scene, radius, law, time_step, walls, pairs, force, load)
         stretches[k] = stretch
         force[i, 0] += -push * nx - pull * ny
         force[i, 1] += -push * ny + pull * nx
-        force[i, 2] += pull * along + push * across
+        force[i, 2] += pull * arm + push * across
         load[w] += push
         energy += 0.4 * elastic * depth
         deepest = max(deepest, depth / radius[i])

@@ -6,7 +6,7 @@ dashpot, and Coulomb's limit: the law of `hertz` and of Table I of Guillard et a
 
 from __future__ import annotations
 
-from math import sqrt
+from math import log, pi, sqrt
 from typing import NamedTuple
 
 from liftdrag.dem.compiled import compiled
@@ -27,6 +27,29 @@ class Law(NamedTuple):
     friction: float
     tangential_damping: float
     reach: float
+
+
+def hertz_mindlin(
+    youngs_modulus: float,
+    poisson_ratio: float,
+    restitution: float,
+    friction: float,
+    reach: float = 0.0,
+) -> Law:
+    """The law of grains of one material: modulus (Pa), Poisson ratio, restitution, friction.
+
+    The ratio of the dashpots is that of LIGGGHTS' and Guillard's law, sqrt(2 (1-nu) / (2-nu)).
+    """
+    decay = -log(restitution) / sqrt(pi**2 + log(restitution) ** 2)
+    softness = (1.0 - poisson_ratio) / (2.0 - poisson_ratio)
+    return Law(
+        stiffness=2.0 / 3.0 * youngs_modulus / (1.0 - poisson_ratio**2),
+        tangential=3.0 * softness,
+        damping=2.0 * sqrt(5.0 / 6.0) * decay,
+        friction=friction,
+        tangential_damping=sqrt(2.0 * softness),
+        reach=reach,
+    )
 
 
 @compiled()

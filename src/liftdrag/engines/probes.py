@@ -219,6 +219,9 @@ NAMES = tuple(name for names in RUNS for name in names)
 TANK = tuple(name for name in NAMES if name.startswith(("pair", "cylinder")))
 """The probes that a tank needs: grains, and the cylinder."""
 
+PLANAR = tuple(name for name in NAMES if name.startswith(("pair", "plane")))
+"""The probes that a closed box needs: grains, and plane walls."""
+
 
 def probe(engine: Engine, subject: Subject, names: tuple[str, ...] = NAMES) -> Iterator[Probe]:
     """Run the probes of these names on an engine, outside of any MPI job.

@@ -1,25 +1,16 @@
-"""The grains and their contact: Hertz-Mindlin with friction and a constant restitution."""
+"""The grains of a bed in three dimensions."""
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
-
 from liftdrag import granular, hertz
-from liftdrag.scene.model import Part
-from liftdrag.scene.quantities import Density, Length, Modulus
+from liftdrag.scene.material import Material
+from liftdrag.scene.quantities import Length
 
 
-class Grains(Part):
-    """Monodisperse spheres of one material (Guillard et al. 2014, Table I)."""
+class Grains(Material):
+    """Monodisperse spheres of one material."""
 
     diameter: Length
-    density: Density
-    youngs_modulus: Modulus
-    poisson_ratio: Annotated[float, Field(ge=0.0, lt=0.5)]
-    restitution: Annotated[float, Field(gt=0.0, le=1.0)]
-    friction: Annotated[float, Field(ge=0.0, le=10.0)]
 
     @property
     def mass(self) -> float:

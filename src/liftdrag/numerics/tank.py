@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import ceil, pi, sqrt
-from typing import Generic, TypeVar
 
 from liftdrag import granular, hertz
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
+from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import SETTLED_FRACTION
-
-T = TypeVar("T")
 
 STEP_FRACTION = 0.15
 """Time step over the smaller of the Rayleigh and Hertz times."""
@@ -48,17 +46,8 @@ SPEED_HINT = 3e6
 """Grain-steps per second of one core, for the estimate of the cost."""
 
 
-@dataclass(frozen=True)
-class Value(Generic[T]):
-    """A derived value, its unit, and the reason for it."""
-
-    value: T
-    unit: str
-    reason: str
-
-
-@dataclass(frozen=True)
-class Numerics:
+@dataclass(frozen=True, kw_only=True)
+class TankNumerics(Numerics):
     """Every number that the deck needs and the scene does not say."""
 
     rayleigh_time: Value[float]
@@ -84,17 +73,9 @@ class Numerics:
     grip: Value[float]
     grain_steps: Value[float]
     core_hours: Value[float]
-    warnings: tuple[str, ...]
-
-    def rows(self) -> Iterator[tuple[str, Value]]:
-        """The values by name, in order."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, Value):
-                yield field.name, value
 
 
-def derive(scene: TankScene, ranks: int = 1) -> Numerics:
+def derive(scene: TankScene, ranks: int = 1) -> TankNumerics:
     """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
     rayleigh, impact = _rayleigh_time(scene), _hertz_time(scene)
     step = _time_step(scene, rayleigh, impact)
@@ -106,7 +87,7 @@ def derive(scene: TankScene, ranks: int = 1) -> Numerics:
     grid = _processors(scene, ranks)
     overlap, inertial, grip = _overlap_ratio(scene), _inertial_number(scene), _grip(scene)
     cost = _grain_steps(scene, settle[1].value + drive.value)
-    return Numerics(
+    return TankNumerics(
         rayleigh_time=rayleigh,
         hertz_time=impact,
         time_step=step,
@@ -390,18 +371,3 @@ def _warnings(
             f"Soft grains: the expected overlap in front of the cylinder is {overlap.value:.2g} d, "
             "above 0.05; raise grains.youngs_modulus."
         )
-
-
-def explained(numerics: Numerics) -> str:
-    """The numerics as text, a line each: name, value, unit and reason; then the warnings."""
-    lines = [
-        f"{name:<17} {_shown(value.value):>12} {value.unit:<6} {value.reason}"
-        for name, value in numerics.rows()
-    ]
-    return "\n".join([*lines, *(f"WARNING: {warning}" for warning in numerics.warnings), ""])
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, tuple):
-        return " x ".join(map(str, value))
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,308 @@
+"""An ensemble of runs, from a case to its result: the same scene in many random packings.
+
+The packings are grown and run by themselves, spread over threads, each of which drives an engine
+of one rank, or over the ranks of the MPI job around us. Each has a folder with its deck.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from liftdrag.analysis import drag2d
+from liftdrag.analysis.drag2d import EnsembleAnswers, Packing
+from liftdrag.case import Case
+from liftdrag.deck import Deck
+from liftdrag.deck.dialect import IN_HOUSE, Dialect
+from liftdrag.deck.drag2d import build, check_shape, contact_of, read_bed
+from liftdrag.dem import Bed
+from liftdrag.engines import engine as engine_called
+from liftdrag.engines import mpi
+from liftdrag.engines.base import Engine, Outcome, Progress, silent
+from liftdrag.engines.probes import PLANAR, Probe, Subject
+from liftdrag.errors import InputError, RunFailed
+from liftdrag.folder import RESULT, Record, fresh, write_json
+from liftdrag.numerics import Drag2DNumerics, derive, explained
+from liftdrag.packing.drag2d import packed
+from liftdrag.pictures import drag2d as pictures
+from liftdrag.result import Result, begun, cost, provenance
+from liftdrag.result import answered as quantities_of
+from liftdrag.scene import Drag2DScene
+from liftdrag.snapshot import Snapshot
+from liftdrag.trust import trusted
+from liftdrag.version import VERSION
+
+OUTCOME = "outcome.json"
+FILES = (RESULT, "drag.csv", "packings.csv", "drag.png", "flow.png")
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What each packing of an ensemble is made from."""
+
+    case: Case
+    scene: Drag2DScene
+    numerics: Drag2DNumerics
+    engine: Engine
+    folder: Path
+
+
+def packing_folder(folder: Path, number: int) -> Path:
+    """The folder of packing `number`, from 0, of an ensemble."""
+    return folder / f"packing-{number + 1:03d}"
+
+
+def prepare(case: Case, scene: Drag2DScene, number: int, dialect: Dialect = IN_HOUSE) -> Deck:
+    """The deck of packing `number`, from 0. Raises CaseError when it cannot be packed."""
+    check_shape(scene, dialect)
+    numerics = derive(scene)
+    bed = packed(scene, numerics.time_step.value, numerics.growth_damping.value, number)
+    return build(scene, numerics, bed, case.name, VERSION, dialect)
+
+
+def write_decks(case: Case, scene: Drag2DScene, engine: Engine, folder: Path) -> Drag2DNumerics:
+    """The decks of all packings, each in its folder, and the reasons for their numbers."""
+    numerics = derive(scene)
+    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    with ThreadPoolExecutor(_cores()) as pool:
+        numbers = range(scene.ensemble.runs)
+        decks = pool.map(lambda number: prepare(case, scene, number, engine.dialect), numbers)
+        for number, deck in zip(numbers, decks, strict=True):
+            deck.write(packing_folder(folder, number))
+    return numerics
+
+
+def run(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None = None,
+    ranks: int | None = None,
+    progress: Progress = silent,
+    ignore_probes: Sequence[str] = (),
+) -> Result:
+    """Run all packings of a case, `ranks` at a time, and answer with their means.
+
+    Under MPICH's `mpiexec` each rank runs its share, and all but the first end here. Raises
+    InputError before anything is started, RunFailed when a packing does not finish.
+    """
+    scene = _planar(case)
+    check_shape(scene, engine.dialect)
+    world, start = mpi.world(program="liftdrag"), time.monotonic()
+    if world.size > 1:
+        task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world)
+    else:
+        task, record = _begin(case, engine, out, ignore_probes)
+        outcomes = _recorded(task, record, progress, ranks or _cores())
+    return _conclude(task, record, outcomes, time.monotonic() - start)
+
+
+def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
+    """The answers from the files in the folder, written to `result.json`, tables and pictures."""
+    packings = [_packing(folder, record, k) for k in range(scene.ensemble.runs)]
+    found = drag2d.answers(scene, packings)
+    warnings = [*record.alarms, *found.warnings, *record.warnings]
+    result = result | quantities_of(found.quantities) | {"warnings": warnings}
+    try:
+        write_json(folder / RESULT, result)
+        _write_tables(folder, scene, found)
+        pictures.draw_drag(scene, [p.series for p in packings], found, folder / "drag.png")
+        pictures.draw_flow(scene, *_frames(folder, record), folder / "flow.png")
+    except (OSError, RunFailed) as error:
+        result["warnings"] = [f"Nothing was written to {folder}: {error}", *warnings]
+    return Result(folder, result, found.quantities, found.series, None, FILES)
+
+
+def _planar(case: Case) -> Drag2DScene:
+    if not isinstance(case.scene, Drag2DScene):
+        raise InputError(f"The case {case.name} is no ensemble; its scene is {case.scene.scene}.")
+    return case.scene
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _begin(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None,
+    ignore_probes: Sequence[str],
+) -> tuple[_Task, Record]:
+    """Probe the engine, and write all of the record that is known before the packings are."""
+    engine.check(1)
+    scene = _planar(case)
+    numerics = derive(scene)
+    probes, alarms = list[Probe](), list[str]()
+    if engine.dialect is not IN_HOUSE:
+        subject = Subject(contact_of(scene), scene.grains.density)
+        probes, alarms = trusted(engine, subject, PLANAR, ignore_probes)
+    deck = prepare(case, scene, 0, engine.dialect)
+    folder = fresh(out, case.name)
+    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
+    record = Record(
+        case.name, dict(case.tables), engine.name, deck.plan, list(numerics.warnings), made, alarms
+    )
+    record.write(folder)
+    return _Task(case, scene, numerics, engine, folder), record
+
+
+def _in_team(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None,
+    progress: Progress,
+    ignore_probes: Sequence[str],
+    world: mpi.World,
+) -> tuple[_Task, Record, list[Outcome]]:
+    """This rank's share of the packings; only the first rank returns, with those of all."""
+    from mpi4py import MPI
+
+    team, first = MPI.COMM_WORLD, None
+    try:
+        if world.rank == 0:
+            first = _begin(case, engine, out, ignore_probes)
+    finally:
+        place = team.bcast(str(first[0].folder) if first else "", root=0)
+    if not place:
+        sys.exit(2)
+    scene = _planar(case)
+    task = first[0] if first else _Task(case, scene, derive(scene), engine, Path(place))
+    mine = range(world.rank, scene.ensemble.runs, world.size)
+    shares = team.gather(_share(task, mine, progress if first else silent), root=0)
+    if first is None or shares is None:
+        sys.exit(0)
+    for share in shares:
+        if isinstance(share, str):
+            raise InputError(share)
+    return task, first[1], [outcome for share in shares for outcome in share]
+
+
+def _share(task: _Task, numbers: range, progress: Progress) -> list[Outcome] | str:
+    """The outcomes of these packings, or why they cannot be made."""
+    try:
+        return _run_all(task, numbers, 1, progress)
+    except InputError as error:
+        return str(error)
+
+
+def _recorded(task: _Task, record: Record, progress: Progress, workers: int) -> list[Outcome]:
+    """The outcomes of all packings; an interruption is written down before it goes on."""
+    try:
+        return _run_all(task, range(task.scene.ensemble.runs), workers, progress)
+    except KeyboardInterrupt:
+        reason = f"The run in {task.folder} was interrupted."
+        write_json(task.folder / RESULT, begun(record, "killed", [reason]))
+        raise RunFailed("killed", reason) from None
+
+
+def _run_all(task: _Task, numbers: range, workers: int, progress: Progress) -> list[Outcome]:
+    """The outcomes of these packings, those after a failure left out."""
+    halted, outcomes = threading.Event(), list[Outcome]()
+    pool = ThreadPoolExecutor(workers)
+    try:
+        running = [pool.submit(_run_one, task, number, halted) for number in numbers]
+        for done in as_completed(running):
+            outcomes.append(done.result())
+            progress("packings", len(outcomes), len(numbers))
+            if outcomes[-1].status != "finished":
+                break
+    finally:
+        halted.set()
+        pool.shutdown(cancel_futures=True)
+    return outcomes
+
+
+class _Halted(Exception):
+    """Another packing failed, or the user stopped the run."""
+
+
+def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
+    """Pack and run packing `number`, from 0, and write down how that ended."""
+
+    def look(_stage: str, _done: int, _total: int) -> None:
+        if halted.is_set():
+            raise _Halted
+
+    folder = packing_folder(task.folder, number)
+    deck = prepare(task.case, task.scene, number, task.engine.dialect)
+    deck.write(folder)
+    outcome = task.engine.run(deck.plan, folder, look, alone=True)
+    named = replace(outcome, reason=f"packing {number + 1}: {outcome.reason}")
+    write_json(folder / OUTCOME, asdict(named) | {"path": str(outcome.path)})
+    return outcome if outcome.status == "finished" else named
+
+
+def _conclude(task: _Task, record: Record, outcomes: list[Outcome], wall_s: float) -> Result:
+    """The result of the whole. Raises RunFailed with the first packing that did not finish."""
+    failed = next((one for one in outcomes if one.status != "finished"), None)
+    whole = _total(outcomes)
+    status, reasons = (failed.status, [failed.reason]) if failed else ("finished", [])
+    result = begun(record, status, reasons) | cost(whole, wall_s)
+    result["engine"] |= {"version": whole.version, "path": str(whole.path)}
+    write_json(task.folder / RESULT, result)
+    if failed:
+        raise RunFailed(status, f"{status}: {failed.reason}.", failed.evidence)
+    return answered(task.folder, task.scene, record, result)
+
+
+def _total(outcomes: list[Outcome]) -> Outcome:
+    """The outcomes as one: steps and times added up."""
+    return replace(
+        outcomes[0],
+        steps=sum(one.steps for one in outcomes),
+        loop_s=sum(one.loop_s for one in outcomes),
+        cpu_s=sum(one.cpu_s for one in outcomes),
+    )
+
+
+def _packing(folder: Path, record: Record, number: int) -> Packing:
+    """What a packing left. Raises InputError when its files are damaged."""
+    place = packing_folder(folder, number)
+    try:
+        series = engine_called(record.engine).series(record.plan, place)
+        frames = list(_centres(place, record))
+    except (OSError, ValueError, LookupError) as error:
+        raise InputError(
+            f"The files in {place} are damaged ({error}); run the case again."
+        ) from error
+    return Packing(series, frames[0], frames[-1])
+
+
+def _centres(folder: Path, record: Record) -> Iterator[np.ndarray]:
+    """The centres (n, 2) of the grains at each moment, m."""
+    body = read_bed(folder).body[:-1]
+    for snapshot in engine_called(record.engine).snapshots(record.plan, folder):
+        x, y = snapshot.position[: len(body), :2].T
+        discs = np.bincount(body)
+        yield np.column_stack([np.bincount(body, x), np.bincount(body, y)]) / discs[:, None]
+
+
+def _frames(folder: Path, record: Record) -> tuple[Bed, list[Snapshot]]:
+    """The first packing and its moments, to be drawn."""
+    place = packing_folder(folder, 0)
+    return read_bed(place), list(engine_called(record.engine).snapshots(record.plan, place))
+
+
+def _write_tables(folder: Path, scene: Drag2DScene, found: EnsembleAnswers) -> None:
+    """`drag.csv`, the mean over the packings against displacement; `packings.csv`, each's means."""
+    import pandas as pd
+
+    table = found.series.to_pandas().reset_index()
+    table.insert(0, "displacement (m)", drag2d.displacement(scene, found.series))
+    table.insert(3, "drag standard error (N)", found.drag_error)
+    table.to_csv(folder / "drag.csv", index=False)
+    units = {name: found.quantities[name].unit for name in found.values}
+    each = {f"{name} ({units[name]})": values for name, values in found.values.items()}
+    pd.DataFrame(each, index=pd.RangeIndex(1, 1 + scene.ensemble.runs, name="packing")).to_csv(
+        folder / "packings.csv"
+    )

@@ -1,0 +1,28 @@
+"""The numerics that a scene implies: time step, step counts, skin, each with its reason."""
+
+from __future__ import annotations
+
+from typing import overload
+
+from liftdrag.numerics import drag2d, tank
+from liftdrag.numerics.drag2d import Drag2DNumerics
+from liftdrag.numerics.tank import TankNumerics
+from liftdrag.numerics.value import Numerics, Value, explained
+from liftdrag.scene import Drag2DScene, TankScene
+
+__all__ = ["Drag2DNumerics", "Numerics", "TankNumerics", "Value", "derive", "explained"]
+
+
+@overload
+def derive(scene: TankScene, ranks: int = 1) -> TankNumerics: ...
+
+
+@overload
+def derive(scene: Drag2DScene, ranks: int = 1) -> Drag2DNumerics: ...
+
+
+def derive(scene: TankScene | Drag2DScene, ranks: int = 1) -> Numerics:
+    """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
+    if isinstance(scene, Drag2DScene):
+        return drag2d.derive(scene)
+    return tank.derive(scene, ranks)

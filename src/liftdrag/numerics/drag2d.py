@@ -1,0 +1,137 @@
+"""The numerics of drag in a closed bed, derived from its scene alone, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil
+
+from liftdrag import hertz
+from liftdrag.errors import CaseError
+from liftdrag.numerics.value import Numerics, Value
+from liftdrag.scene import Drag2DScene
+
+STEP_FRACTION = 0.02
+"""Time step over the Hertz time: the drag is that of a step ten times smaller, within 1 %."""
+
+STEP_BOUND = 0.05
+"""The same ratio above which a time step set by hand is warned about."""
+
+STEP_BREAKS = 0.08
+"""The largest such ratio at which the drag was right; from 0.1 on it is wrong without a sign."""
+
+ROWS = 240
+"""Rows of a series, over the whole displacement."""
+
+FRAMES = 5
+"""Snapshots of the bed, the first before and the last after the pull."""
+
+SKIN = 0.15
+"""Neighbour skin in grain diameters."""
+
+SPEED_HINT = 2e7
+"""Grain-steps per second of discs on one core, for the estimate of the cost."""
+
+MOST_STEPS = 100_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drag2DNumerics(Numerics):
+    """Every number that a deck of the closed bed needs and the scene does not say."""
+
+    box_height: Value[float]
+    rayleigh_time: Value[float]
+    hertz_time: Value[float]
+    time_step: Value[float]
+    drive_steps: Value[int]
+    row_every: Value[int]
+    frame_every: Value[int]
+    skin: Value[float]
+    growth_damping: Value[float]
+    inertial_force: Value[float]
+    grain_steps: Value[float]
+    core_hours: Value[float]
+
+
+def derive(scene: Drag2DScene) -> Drag2DNumerics:
+    """The numerics of `scene`. Raises CaseError when they cannot be."""
+    grains, box, speed = scene.grains, scene.box, scene.drive.speed
+    impact = hertz.hertz_time(grains.stiffness, scene.mass / 2.0, speed)
+    step, row_every = _time_step(scene, impact)
+    steps = ROWS * row_every
+    cost = float(grains.count * scene.ensemble.runs * steps)
+    wave = hertz.rayleigh_time(
+        grains.diameter, grains.density, grains.youngs_modulus, grains.poisson_ratio
+    )
+    inertia = grains.density * speed**2 * scene.intruder.diameter * box.thickness
+    return Drag2DNumerics(
+        box_height=Value(scene.height, "m", "the grains at the solid fraction, and the cylinder"),
+        rayleigh_time=Value(wave, "s", "of a sphere; these grains are heavier, and slower"),
+        hertz_time=Value(impact, "s", "an impact of two grains at the drive's speed"),
+        time_step=step,
+        drive_steps=Value(steps, "steps", "distance over speed over time step"),
+        row_every=Value(row_every, "steps", f"{ROWS} rows of forces over the displacement"),
+        frame_every=Value(steps // (FRAMES - 1), "steps", f"{FRAMES} snapshots of the bed"),
+        skin=_skin(scene),
+        growth_damping=Value(10.0 / impact, "1/s", "the packing grows in syrup: a grain stops"),
+        inertial_force=Value(inertia, "N", "rho v^2 D L, of grains pushed out of the way"),
+        grain_steps=Value(cost, "1", "grains times steps times packings"),
+        core_hours=Value(
+            cost / SPEED_HINT / 3600.0, "h", f"at {SPEED_HINT:.0e} grain-steps per second"
+        ),
+        warnings=tuple(_warnings(scene, step.value, impact)),
+    )
+
+
+def _time_step(scene: Drag2DScene, impact: float) -> tuple[Value[float], int]:
+    """The time step, shortened so that whole rows end at the distance, and the steps of a row."""
+    chosen = scene.numerics.time_step
+    if chosen is not None and chosen > STEP_BREAKS * impact:
+        raise CaseError(
+            "numerics.time_step",
+            chosen,
+            f"above {STEP_BREAKS} of the Hertz time a pressurised bed was seen to give wrong "
+            "forces without any other sign",
+            f"choose at most {STEP_BREAKS * impact:.3g} s; "
+            f"{STEP_FRACTION * impact:.3g} s is derived",
+        )
+    largest = STEP_FRACTION * impact if chosen is None else chosen
+    duration = scene.drive.distance / scene.drive.speed
+    row_every = ceil(duration / (ROWS * largest) * (1.0 - 1e-9))
+    if ROWS * row_every > MOST_STEPS:
+        raise CaseError(
+            "drive.distance",
+            scene.drive.distance,
+            f"this takes {ROWS * row_every:.3g} steps of {largest:.3g} s",
+            f"keep it under {MOST_STEPS:.0e} steps",
+        )
+    step = duration / (ROWS * row_every)
+    reason = f"{STEP_FRACTION} of the Hertz time" if chosen is None else "set by hand"
+    return Value(step, "s", f"{reason}, or less to end at the distance"), row_every
+
+
+def _skin(scene: Drag2DScene) -> Value[float]:
+    chosen = scene.numerics.skin
+    if chosen is None:
+        return Value(SKIN * scene.grains.diameter, "m", f"{SKIN} d: the least time, measured")
+    if chosen > 2.0 * scene.grains.diameter:
+        raise CaseError(
+            "numerics.skin",
+            chosen,
+            "a neighbour skin wider than two grains only costs time",
+            f"choose at most {2.0 * scene.grains.diameter:.3g} m; {SKIN} d is derived",
+        )
+    return Value(chosen, "m", "set by hand")
+
+
+def _warnings(scene: Drag2DScene, step: float, impact: float) -> Iterator[str]:
+    if step > STEP_BOUND * impact:
+        yield (
+            f"The time step set by hand, {step:.3g} s, is above {STEP_BOUND} of the Hertz time "
+            f"({impact:.3g} s); from {STEP_BREAKS} on the forces are wrong."
+        )
+    if scene.grains.contact == "paper":
+        yield (
+            'The contact "paper" does not keep the energy of elastic grains; it is here to be '
+            "compared with."
+        )

@@ -1,0 +1,1 @@
+"""Pictures of runs, one file a scene."""
