@@ -13,7 +13,8 @@ import pytest
 from liftdrag.case import Case
 from liftdrag.engines import engine
 from liftdrag.errors import InputError
-from liftdrag.runner import Result, run
+from liftdrag.result import Result
+from liftdrag.runner import run
 
 TINY = """
 scene = "tank"

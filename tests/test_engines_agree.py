@@ -17,7 +17,8 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case, load
 from liftdrag.deck import Deck
 from liftdrag.engines import ENGINES, engine
-from liftdrag.runner import Result, analyze, prepare, run
+from liftdrag.result import Result
+from liftdrag.runner import analyze, prepare, run
 
 QUICK = load("quick")
 SMALL = (

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from liftdrag.packing import TOLERANCE, Container, random_bed, square_layer
+from liftdrag.packing import Container, random_bed, square_layer
+from liftdrag.packing.tank import TOLERANCE
 
 BOX = Container(
     length=9.3,

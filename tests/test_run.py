@@ -24,7 +24,8 @@ from liftdrag.engines.family import read_dump
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import Record, fresh
 from liftdrag.granular import GRAVITY
-from liftdrag.runner import Result, analyze, prepare, run, write_deck
+from liftdrag.result import Result
+from liftdrag.runner import analyze, prepare, run, write_deck
 from liftdrag.snapshot import Snapshot
 
 QUANTITIES = {
