@@ -210,7 +210,7 @@ def test_each_wrong_key_has_its_own_sentence():
 @pytest.mark.parametrize("name", ["tnak", "", 3, ["tank"], True, None])
 def test_scene_that_does_not_exist_is_refused(name: object):
     error = refusal(CASE.set("scene", name))
-    assert (error.key, error.remedy) == ("scene", "choose one of 'tank'")
+    assert (error.key, error.remedy) == ("scene", "choose one of 'tank', 'drag2d'")
 
 
 @pytest.mark.parametrize(

@@ -166,6 +166,30 @@ def run(
 
 
 @app.command()
+def sweep(
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="A study file, or a packaged study: zhou/tables.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the study; by default runs/STUDY.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Packings to run at a time, by default one a core.")
+    ] = None,
+    settings: Settings = None,
+) -> None:
+    """Run the cases of a study that have not finished yet, and weigh its claims."""
+    from liftdrag.progress import reported
+    from liftdrag.report import claim_table, run_table
+    from liftdrag.study import sweep as run_study
+
+    with reported() as progress:
+        found = run_study(study, out, settings, jobs, progress)
+    _print_tables(run_table(found), claim_table(found))
+    print(f"In {found.folder}: runs.csv, claims.csv and the pictures, and a folder for each run")
+
+
+@app.command()
 def analyze(
     context: typer.Context,
     path: Annotated[Path, typer.Argument(help="The folder of a run, or your own force file.")],

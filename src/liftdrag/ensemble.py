@@ -64,9 +64,8 @@ def packing_folder(folder: Path, number: int) -> Path:
 def prepare(case: Case, scene: Drag2DScene, number: int, dialect: Dialect = IN_HOUSE) -> Deck:
     """The deck of packing `number`, from 0. Raises CaseError when it cannot be packed."""
     check_shape(scene, dialect)
-    numerics = derive(scene)
-    bed = packed(scene, numerics.time_step.value, numerics.growth_damping.value, number)
-    return build(scene, numerics, bed, case.name, VERSION, dialect)
+    bed = packed(scene, number)
+    return build(scene, derive(scene), bed, case.name, VERSION, dialect)
 
 
 def write_decks(case: Case, scene: Drag2DScene, engine: Engine, folder: Path) -> Drag2DNumerics:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from liftdrag.doctor import Patient
     from liftdrag.engines.probes import Probe
+    from liftdrag.study import Studied
     from liftdrag.verify import Verified
 
 NARROW = 110
@@ -65,6 +66,43 @@ def _cells(quantity: Quantity) -> Iterator[str]:
     count = quantity.n_independent
     mark = "" if quantity.converged else " (not converged)"
     yield ("" if count is None else f"{count:.0f}") + mark
+
+
+def run_table(found: Studied) -> Table:
+    """The runs of a study: drag and its scatter, how irregular the flow was, the pressure."""
+    from rich.table import Table
+
+    result = Table(title=found.plan.title)
+    result.add_column("run")
+    for name in _STUDIED:
+        result.add_column(name, overflow="fold")
+    for name, one in found.results.items():
+        result.add_row(name, *(_with_error(one.quantities[quantity]) for quantity in _STUDIED))
+    return result
+
+
+_STUDIED = ("drag", "drag_deviation", "drag_fluctuation", "rest_pressure", "irregularity")
+
+
+def _with_error(quantity: Quantity) -> str:
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    return " ± ".join(rounded(quantity.mean, quantity.standard_error)) + unit
+
+
+def claim_table(found: Studied) -> Table:
+    """What the runs say of each claim."""
+    from rich.table import Table
+
+    result = Table(title="claims")
+    for heading in ("claim", "difference", "p-value", "packings", "verdict"):
+        result.add_column(heading, overflow="fold")
+    for claim, finding in found.findings:
+        size = " ± ".join(rounded(finding.size, finding.standard_error))
+        one, other = finding.packings
+        unit = "" if finding.unit == "1" else f" {finding.unit}"
+        p = f"{finding.p_value:.2g}"
+        result.add_row(claim.says, size + unit, p, f"{one} + {other}", finding.verdict)
+    return result
 
 
 def engine_table(patients: list[Patient]) -> Table:

@@ -11,23 +11,30 @@ import numpy as np
 
 from liftdrag.dem.bed import Bed, Memory, advance
 from liftdrag.dem.compiled import compiled
+from liftdrag.dem.contacts import contacts, forces
 from liftdrag.dem.law import Law
 from liftdrag.dem.motion import FINE
 
-SMALL = 0.5
-"""Size at which the grains are placed, over their own."""
+SMALL = (0.5, 0.35, 0.25)
+"""Sizes at which the grains are placed, over their own: the first that leaves them room."""
 
-STAGES = 80
+STAGES = 40
 """Steps in which they grow, in equal parts of area."""
 
 STAGE_STEPS = 100
 """Time steps of a stage."""
 
-REST_STAGES = 60
+REST_STAGES = 400
 """Stages, at most, in which the full-grown packing comes to rest."""
 
-AT_REST = 1e-6
-"""Kinetic over elastic energy at which it has."""
+LOOK_EVERY = 10
+"""Stages from one look at the forces to the next."""
+
+AT_REST = 1e-3
+"""Net force on a grain over the mean force of a contact, at which a packing is at rest."""
+
+SLIGHT = 0.01
+"""Overlap over the radius below which contacts are slight, and their packing is loose."""
 
 MOST_TRIES = 1000
 
@@ -39,29 +46,41 @@ def grown(bed: Bed, law: Law, time_step: float, damping_rate: float, seed: int) 
     """
     rng = np.random.default_rng(seed)
     smooth = law._replace(friction=0.0)
-    bed = _sown(bed, rng)
-    for area in np.linspace(SMALL**2, 1.0, STAGES):
-        bed = _stage(bed, np.sqrt(area), smooth, time_step, damping_rate)[0]
-    for _ in range(REST_STAGES):
-        bed, rest = _stage(bed, 1.0, smooth, time_step, damping_rate)
-        if rest < AT_REST:
+    bed, small = _sown(bed, rng)
+    for area in np.linspace(small**2, 1.0, STAGES):
+        bed = _stage(bed, np.sqrt(area), smooth, time_step, damping_rate)
+    for _ in range(0, REST_STAGES, LOOK_EVERY):
+        if _rests(bed, smooth):
             break
+        bed = _stage(bed, 1.0, smooth, time_step, damping_rate, LOOK_EVERY)
     still = np.zeros_like(bed.velocity)
     return replace(bed, velocity=still, spin=np.zeros_like(bed.spin), memory=Memory())
 
 
+def _rests(bed: Bed, law: Law) -> bool:
+    """Whether the contacts of a bed, were it still, balance."""
+    still = replace(bed, velocity=np.zeros_like(bed.velocity), spin=np.zeros_like(bed.spin))
+    net = forces(still, law)[np.isfinite(bed.mass), :2]
+    found, radius = contacts(still, law), bed.radius
+    one, other = radius[found.pair].T
+    push = law.stiffness * np.sqrt(one * other / (one + other)) * found.depth**1.5
+    typical = float(radius.mean())
+    slight = law.stiffness * np.sqrt(typical / 2.0) * (SLIGHT * typical) ** 1.5
+    least = max(float(push.mean()) if len(push) else 0.0, slight)
+    return bool(np.sqrt((net**2).sum(axis=1).mean()) < AT_REST * least)
+
+
 def _stage(
-    bed: Bed, size: float, law: Law, time_step: float, damping_rate: float
-) -> tuple[Bed, float]:
-    """The bed some steps later with its grains at this share of their size; its restlessness."""
+    bed: Bed, size: float, law: Law, time_step: float, damping_rate: float, stages: int = 1
+) -> Bed:
+    """The bed some steps later with its grains at this share of their size."""
+    steps = stages * STAGE_STEPS
     run = advance(
-        _scaled(bed, size), law, time_step, 1, STAGE_STEPS, damping_rate=damping_rate, deepest=10.0
+        _scaled(bed, size), law, time_step, 1, steps, damping_rate=damping_rate, deepest=10.0
     )
     if run.status != FINE:
         raise ValueError("the grains do not fit into the box: the packing burst as it grew")
-    elastic = float(run.elastic[-1])
-    rest = float(run.kinetic[-1]) / elastic if elastic > 0.0 else 0.0
-    return _scaled(run.bed, 1.0 / size), rest
+    return _scaled(run.bed, 1.0 / size)
 
 
 def _scaled(bed: Bed, size: float) -> Bed:
@@ -70,21 +89,24 @@ def _scaled(bed: Bed, size: float) -> Bed:
     return replace(bed, semi_axes=bed.semi_axes * scale, offset=bed.offset * scale)
 
 
-def _sown(bed: Bed, rng: np.random.Generator) -> Bed:
-    """The free bodies at random places and angles, none touching another at the small size."""
+def _sown(bed: Bed, rng: np.random.Generator) -> tuple[Bed, float]:
+    """The free bodies at random places and angles, none touching another at the small size.
+
+    That size comes with them.
+    """
     free = np.isfinite(bed.mass)
     extent = np.zeros(len(bed.mass))
     reach = np.hypot(*bed.offset.T) + bed.semi_axes[:, 0]
     np.maximum.at(extent, bed.body, reach)
-    extent[free] *= SMALL
     position = bed.position.copy()
     order = np.concatenate([np.flatnonzero(~free), np.flatnonzero(free)])
-    fixed = int((~free).sum())
-    walls = np.array(bed.walls)
-    if not _sow(position, extent, order, fixed, walls, rng.integers(2**31)):
-        raise ValueError("the grains do not fit into the box even at half their size")
+    fixed, walls = int((~free).sum()), np.array(bed.walls)
     angle = np.where(free, rng.uniform(0.0, 2.0 * np.pi, len(free)), bed.angle)
-    return replace(bed, position=position, angle=angle)
+    for small in SMALL:
+        size = np.where(free, small * extent, extent)
+        if _sow(position, size, order, fixed, walls, rng.integers(2**31)):
+            return replace(bed, position=position, angle=angle), small
+    raise ValueError("the grains do not fit into the box even at a quarter of their size")
 
 
 @compiled()

@@ -47,7 +47,6 @@ class Drag2DNumerics(Numerics):
     row_every: Value[int]
     frame_every: Value[int]
     skin: Value[float]
-    growth_damping: Value[float]
     inertial_force: Value[float]
     grain_steps: Value[float]
     core_hours: Value[float]
@@ -73,7 +72,6 @@ def derive(scene: Drag2DScene) -> Drag2DNumerics:
         row_every=Value(row_every, "steps", f"{ROWS} rows of forces over the displacement"),
         frame_every=Value(steps // (FRAMES - 1), "steps", f"{FRAMES} snapshots of the bed"),
         skin=_skin(scene),
-        growth_damping=Value(10.0 / impact, "1/s", "the packing grows in syrup: a grain stops"),
         inertial_force=Value(inertia, "N", "rho v^2 D L, of grains pushed out of the way"),
         grain_steps=Value(cost, "1", "grains times steps times packings"),
         core_hours=Value(

@@ -19,16 +19,30 @@ def law_of(scene: Drag2DScene) -> Law:
     )
 
 
-def packed(scene: Drag2DScene, time_step: float, damping_rate: float, run: int) -> Bed:
+GROWTH_STEP = 0.1
+"""Time step of the growth over sqrt(m / (k sqrt(d))), the time scale of deeply squeezed grains."""
+
+GROWTH_DAMPING = 0.02
+"""Rate at which motion is slowed, over the same scale: what is slow comes to rest soonest."""
+
+
+def packed(scene: Drag2DScene, run: int) -> Bed:
     """Packing number `run` at rest, the cylinder, its last body, about to move.
 
-    It grows in steps of `time_step` (s), slowed at `damping_rate` (1/s). All packings hold the
-    same grains, in other places. Raises CaseError when they do not fit.
+    All packings hold the same grains, in other places; what they weigh and how stiff they are
+    makes no difference. Raises CaseError when they do not fit.
     """
     rng = np.random.default_rng([scene.seed, run])
     bed = _bed(scene, rng)
     try:
-        bed = grown(bed, law_of(scene), time_step, damping_rate, int(rng.integers(2**31)))
+        scale = sqrt(scene.mass / (scene.grains.stiffness * sqrt(scene.grains.diameter)))
+        bed = grown(
+            bed,
+            law_of(scene),
+            GROWTH_STEP * scale,
+            GROWTH_DAMPING / scale,
+            int(rng.integers(2**31)),
+        )
     except ValueError as error:
         raise CaseError(
             "box.solid_fraction",

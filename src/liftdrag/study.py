@@ -1,0 +1,212 @@
+"""A study: many cases run one after another, what they claim together, and pictures of both.
+
+A study file (TOML) has `title`, `[set]` with keys of the case files for all runs, `[runs.NAME]`
+with a `case` and its own `set`, `[[claims]]` and `[[pictures]]`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from liftdrag.analysis.claims import Finding, difference, within
+from liftdrag.case import Case, load, with_settings
+from liftdrag.engines.base import Progress, silent
+from liftdrag.errors import CaseError, InputError, shown
+from liftdrag.folder import RECORD, RESULT, read_json
+from liftdrag.pictures.study import draw_bars
+from liftdrag.result import Result
+from liftdrag.runner import analyze, run
+from liftdrag.scene.model import Part
+
+ENDING = ".study"
+
+
+class Run(Part):
+    """One case, with keys of its own."""
+
+    case: str
+    set: dict[str, Any] = Field(default_factory=dict)
+
+
+class Claim(Part):
+    """That the drag of `larger` exceeds that of `smaller`, or differs by at most `within` of it."""
+
+    says: str
+    larger: str
+    smaller: str
+    within: Annotated[float, Field(gt=0.0)] | None = None
+    quantity: str = "drag"
+
+
+class Picture(Part):
+    """Bars of a quantity, a group for each list of runs, written to `file`."""
+
+    file: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+\.png$")]
+    title: str
+    groups: list[list[str]]
+    quantity: str = "drag"
+
+
+class Plan(Part):
+    """A study file as read."""
+
+    title: str
+    set: dict[str, Any] = Field(default_factory=dict)
+    runs: dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")], Run]
+    claims: list[Claim] = Field(default_factory=list)
+    pictures: list[Picture] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _check(self) -> Plan:
+        claimed = [name for claim in self.claims for name in (claim.larger, claim.smaller)]
+        drawn = [name for picture in self.pictures for group in picture.groups for name in group]
+        for name in (*claimed, *drawn):
+            if name not in self.runs:
+                raise CaseError(
+                    "runs", name, "no run has this name", f"choose one of {', '.join(self.runs)}"
+                )
+        return self
+
+
+@dataclass(frozen=True)
+class Studied:
+    """The results of a study's runs by name, and what they say of its claims, in its folder."""
+
+    plan: Plan
+    folder: Path
+    results: Mapping[str, Result]
+    findings: list[tuple[Claim, Finding]]
+
+
+def packaged() -> Iterator[str]:
+    """The names of the packaged studies: paths below the cases, without their ending."""
+    for folder in resources.files("liftdrag.cases").iterdir():
+        if folder.is_dir():
+            for file in folder.iterdir():
+                if file.name.endswith(ENDING):
+                    yield f"{folder.name}/{file.name.removesuffix(ENDING)}"
+
+
+def read(study: str) -> Plan:
+    """The study of a path, or a packaged one by its name. Raises InputError."""
+    try:
+        return Plan.model_validate(tomllib.loads(_text(study)))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"The study {shown(study)} is not TOML: {error}.") from None
+    except ValidationError as error:
+        detail = error.errors()[0]
+        key = ".".join(map(str, detail["loc"])) or "the file"
+        raise InputError(f"The study {shown(study)} is wrong at {key}: {detail['msg']}.") from None
+
+
+def _text(study: str) -> str:
+    if study in packaged():
+        return (resources.files("liftdrag.cases") / f"{study}{ENDING}").read_text("utf-8")
+    try:
+        return Path(study).read_text("utf-8")
+    except (OSError, ValueError):
+        names = ", ".join(sorted(packaged()))
+        raise InputError(
+            f"There is no study {shown(study)}; give a file, or one of {names}."
+        ) from None
+
+
+def sweep(
+    study: str,
+    out: str | Path | None = None,
+    settings: list[str] | None = None,
+    jobs: int | None = None,
+    progress: Progress = silent,
+) -> Studied:
+    """Run each case of a study that has not finished before, and weigh its claims.
+
+    `settings` (KEY=VALUE) hold for all runs; `jobs` packings run at a time. Raises InputError
+    for a bad study before anything runs, RunFailed when a run does not finish.
+    """
+    plan = read(study)
+    cases = {name: _case(plan, one, settings or []) for name, one in plan.runs.items()}
+    folder = Path(out) if out is not None else Path("runs") / Path(study).with_suffix("")
+    results = dict[str, Result]()
+    for done, (name, case) in enumerate(cases.items()):
+        progress("cases", done, len(cases))
+        results[name] = _finished(folder / name, case) or run(
+            case, folder / name, ranks=jobs, progress=silent
+        )
+    progress("cases", len(cases), len(cases))
+    findings = [(claim, _found(claim, results)) for claim in plan.claims]
+    _write(folder, results, findings)
+    for picture in plan.pictures:
+        quantities = {name: result.quantities[picture.quantity] for name, result in results.items()}
+        draw_bars(picture.title, picture.groups, quantities, folder / picture.file)
+    return Studied(plan, folder, results, findings)
+
+
+def _case(plan: Plan, one: Run, settings: list[str]) -> Case:
+    case = load(one.case)
+    for key, value in (plan.set | one.set).items():
+        case = case.set(key, value)
+    case = with_settings(case, settings)
+    case.scene  # noqa: B018 - a bad case is refused before anything runs
+    return case
+
+
+def _finished(folder: Path, case: Case) -> Result | None:
+    """The result of the same case from before, None when it has not been run.
+
+    Raises InputError when the folder holds another one, or one that did not finish.
+    """
+    if not folder.exists() or not any(folder.iterdir()):
+        return None
+    record = read_json(folder / RECORD)
+    status = read_json(folder / RESULT).get("status")
+    if record.get("tables") != dict(case.tables) or status != "finished":
+        raise InputError(
+            f"{folder} holds another run, or one that did not finish; choose another --out, or "
+            "remove it."
+        )
+    return analyze(folder)
+
+
+def _found(claim: Claim, results: Mapping[str, Result]) -> Finding:
+    larger, smaller = (
+        _each(results[name], claim.quantity) for name in (claim.larger, claim.smaller)
+    )
+    if claim.within is not None:
+        return within(larger, smaller, claim.within)
+    return difference(larger, smaller, results[claim.larger].quantities[claim.quantity].unit)
+
+
+def _each(result: Result, quantity: str) -> np.ndarray:
+    """The quantity of each packing (n,), from the table that the run wrote."""
+    import pandas as pd
+
+    table = pd.read_csv(result.folder / "packings.csv")
+    unit = result.quantities[quantity].unit
+    return table[f"{quantity} ({unit})"].to_numpy(float)
+
+
+def _write(
+    folder: Path, results: Mapping[str, Result], findings: list[tuple[Claim, Finding]]
+) -> None:
+    """`runs.csv`, a row for each run and quantity, and `claims.csv`."""
+    import pandas as pd
+
+    rows = [
+        {"run": name, "quantity": quantity} | value.to_dict()
+        for name, result in results.items()
+        for quantity, value in result.quantities.items()
+    ]
+    pd.DataFrame(rows).to_csv(folder / "runs.csv", index=False)
+    claims = [
+        {"claim": claim.says, "quantity": claim.quantity} | vars(finding)
+        for claim, finding in findings
+    ]
+    pd.DataFrame(claims).to_csv(folder / "claims.csv", index=False)
