@@ -8,84 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from beds import MODULUS, POISSON, grains, law_of
 from scipy.special import beta
 
 from liftdrag.dem import FINE, Bed, Law, Memory, advance, contacts, forces, hertz_mindlin
-from liftdrag.dem.bed import NO_WALLS
-
-MODULUS, POISSON = 1e4, 0.3
-"""Young's modulus and Poisson's ratio of all grains here; lengths are of order one, density 1."""
-
-
-def law_of(
-    restitution: float = 1.0,
-    friction: float = 0.0,
-    reach: float = 0.0,
-    tangential_damping: float = 1.0,
-    modulus: float = MODULUS,
-) -> Law:
-    """The law of these grains, its numbers from the formulas of Hertz, Mindlin and Tsuji."""
-    effective = modulus / (2.0 * (1.0 - POISSON**2))
-    lost = abs(log(restitution))
-    return Law(
-        stiffness=4.0 / 3.0 * effective,
-        tangential=3.0 * (1.0 - POISSON) / (2.0 - POISSON),
-        damping=2.0 * sqrt(5.0 / 6.0) * lost / sqrt(pi**2 + lost**2),
-        friction=friction,
-        tangential_damping=tangential_damping,
-        reach=reach,
-    )
-
-
-def grains(
-    position: Any,
-    semi_axes: Any = 1.0,
-    velocity: Any = 0.0,
-    angle: Any = 0.0,
-    spin: Any = 0.0,
-    contact: str = "disc",
-    walls: tuple[float, float, float, float] = NO_WALLS,
-) -> Bed:
-    """One part to a body, of density 1; `semi_axes` a number, (b, 1) or (b, 2)."""
-    position = np.array(position, float)
-    count = len(position)
-    axes = np.array(semi_axes * np.ones((count, 2)))
-    mass = pi * axes.prod(axis=1)
-    return Bed(
-        position,
-        np.array(velocity * np.ones((count, 2))),
-        np.array(angle * np.ones(count)),
-        np.array(spin * np.ones(count)),
-        mass,
-        0.25 * mass * (axes**2).sum(axis=1),
-        axes,
-        np.zeros((count, 2)),
-        np.arange(count),
-        contact,
-        walls,
-    )
-
-
-def clumps(
-    position: Any,
-    offset: Any,
-    radius: Any,
-    velocity: Any = 0.0,
-    angle: Any = 0.0,
-    spin: Any = 0.0,
-    walls: tuple[float, float, float, float] = NO_WALLS,
-) -> Bed:
-    """Bodies that are all the same clump of discs, of mass 1 and inertia 0.7 each."""
-    bodies = grains(position, 1.0, velocity, angle, spin, "disc", walls)
-    count, parts = len(bodies.mass), len(offset)
-    return replace(
-        bodies,
-        mass=np.ones(count),
-        inertia=np.full(count, 0.7),
-        semi_axes=np.tile(np.column_stack([radius, radius]).astype(float), (count, 1)),
-        offset=np.tile(np.array(offset, float), (count, 1)),
-        body=np.repeat(np.arange(count), parts),
-    )
 
 
 def hertz_time(stiffness: float, mass: float, speed: float) -> float:
@@ -125,23 +51,23 @@ def test_head_on_pair_parts_with_the_restitution_asked_for(meeting: str, restitu
     run = advance(bed, law, duration / 20000, 1, 40000)
     after = run.bed.velocity
     assert run.elastic[-1] == 0.0
-    assert after[1, 0] - after[0, 0] == pytest.approx(0.5 * restitution, rel=2e-4)
+    assert after[1, 0] - after[0, 0] == pytest.approx(0.5 * restitution, rel=5e-5)
     assert abs(after[:, 1]).max() < 1e-12
     assert bed.mass @ after[:, 0] == pytest.approx(bed.mass @ bed.velocity[:, 0], rel=1e-13)
 
 
 @pytest.mark.parametrize("meeting", MEETINGS)
 def test_head_on_pair_is_hertzian_in_depth_and_duration(meeting: str):
-    """Against (5 m v^2 / 4 k)^0.4 and 2.94328 times that over v."""
+    """Against (5 m v^2 / 4 k)^0.4 and 2.943275 times that over v."""
     bed, law = MEETINGS[meeting], law_of()
     spring, mass = effective(bed, law)
     depth, duration = hertz_depth(spring, mass, 0.5), hertz_time(spring, mass, 0.5)
-    assert duration == pytest.approx(2.94328 * depth / 0.5, rel=1e-6)
+    assert duration == pytest.approx(2.943275 * depth / 0.5, rel=1e-6)
     run = advance(bed, law, duration / 10000, 10500)
     touching = np.count_nonzero(run.elastic > 0.0)
-    assert touching / 10000 == pytest.approx(1.0, abs=3e-4)
+    assert touching / 10000 == pytest.approx(1.0, abs=1.5e-4)
     smaller = bed.radius.min()
-    assert run.overlap.max() * smaller == pytest.approx(depth, rel=1e-6)
+    assert run.overlap.max() * smaller == pytest.approx(depth, rel=1e-7)
     assert run.elastic.max() == pytest.approx(0.5 * mass * 0.25, rel=1e-6)
 
 
@@ -275,7 +201,7 @@ def test_run_in_pieces_is_the_run_in_one_where_no_dashpot_asks_for_velocities(re
     for _ in range(8):
         piece = advance(piece, law, 2e-4, 1, 50).bed
     assert differences(whole, bed) > 0.01
-    assert differences(whole, piece) < 1e-11
+    assert differences(whole, piece) < 1e-12
     forgetful = advance(replace(bed, memory=Memory()), law, 2e-4, 1, 400).bed
     assert differences(whole, forgetful) > 1e-4
 
@@ -286,7 +212,7 @@ def test_springs_survive_new_neighbour_lists():
     bed = box_of_discs(law)
     never, always = (advance(bed, law, 2e-4, 1, 300, skin=skin) for skin in (2.0, 0.0))
     assert (never.rebuilt, always.rebuilt) == (0, 300)
-    assert differences(never.bed, always.bed) < 1e-11
+    assert differences(never.bed, always.bed) < 1e-12
 
 
 def test_springs_are_forgotten_when_a_contact_opens():
@@ -307,12 +233,12 @@ def test_springs_are_forgotten_when_a_contact_opens():
 
 
 def test_driven_bodies_that_touch_leave_numbers():
-    """Two driven bodies pushed into each other move as they are told, and push by the spring."""
+    """Two driven bodies in each other's way move as they are told, and do not feel each other."""
     law = law_of()
     bed = grains([[0.0, 0.0], [1.9, 0.0]], velocity=[[1.0, 0.0], [0.0, 0.0]])
     bed = replace(bed, mass=np.full(2, np.inf), inertia=np.full(2, np.inf))
-    push = law.stiffness * sqrt(0.5) * contacts(bed, law).depth[0] ** 1.5
-    assert forces(bed, law)[:, 0] == pytest.approx([-push, push])
+    assert not len(contacts(bed, law).pair)
+    assert not forces(bed, law).any()
     run = advance(bed, law, 1e-3, 1, 10)
     assert run.status == FINE
     assert run.bed.position == pytest.approx(np.array([[0.01, 0.0], [1.9, 0.0]]))

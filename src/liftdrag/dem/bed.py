@@ -240,7 +240,8 @@ def arrays(bed: Bed) -> tuple[Shape, Bodies, Parts, Scene]:
         np.searchsorted(bed.body, np.arange(len(bed.mass) + 1)),
         np.ascontiguousarray(bed.offset),
     )
-    parts = Parts(a, bed.radius, bed.mass[bed.body], bed.body.astype(np.int64))
+    owner = np.where(np.isfinite(bed.mass), np.arange(len(bed.mass)), -1)[bed.body]
+    parts = Parts(a, bed.radius, bed.mass[bed.body], owner)
     angle, spin = bed.angle[bed.body], bed.spin[bed.body]
     ox, oy = (bed.place - bed.position[bed.body]).T
     vx, vy = bed.velocity[bed.body].T

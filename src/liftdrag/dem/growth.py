@@ -36,16 +36,24 @@ AT_REST = 1e-3
 SLIGHT = 0.01
 """Overlap over the radius below which contacts are slight, and their packing is loose."""
 
+CRUSHED = 0.5
+"""Overlap over the smaller radius above which grains do not fit."""
+
 MOST_TRIES = 1000
 
 
 def grown(bed: Bed, law: Law, time_step: float, damping_rate: float, seed: int) -> Bed:
     """The bed packed at random between its walls, at rest, without memory of contacts.
 
-    The places of the free bodies are not used. Raises ValueError when they do not fit.
+    Places and velocities of the free bodies are not used; the driven ones have their velocities
+    again at the end. Raises ValueError when the grains do not fit, or the box is open.
     """
+    if not np.isfinite(bed.walls).all():
+        raise ValueError("a packing needs four walls")
     rng = np.random.default_rng(seed)
     smooth = law._replace(friction=0.0)
+    velocity, spin, driven = bed.velocity, bed.spin, ~np.isfinite(bed.mass)
+    bed = _stilled(bed)
     bed, small = _sown(bed, rng)
     for area in np.linspace(small**2, 1.0, STAGES):
         bed = _stage(bed, np.sqrt(area), smooth, time_step, damping_rate)
@@ -53,13 +61,30 @@ def grown(bed: Bed, law: Law, time_step: float, damping_rate: float, seed: int) 
         if _rests(bed, smooth):
             break
         bed = _stage(bed, 1.0, smooth, time_step, damping_rate, LOOK_EVERY)
+    _refuse_crushed(bed, smooth)
+    return replace(
+        _stilled(bed),
+        velocity=np.where(driven[:, None], velocity, 0.0),
+        spin=np.where(driven, spin, 0.0),
+    )
+
+
+def _stilled(bed: Bed) -> Bed:
+    """The bed at rest, without memory."""
     still = np.zeros_like(bed.velocity)
     return replace(bed, velocity=still, spin=np.zeros_like(bed.spin), memory=Memory())
 
 
+def _refuse_crushed(bed: Bed, law: Law) -> None:
+    found = contacts(bed, law)
+    smaller = bed.radius[found.pair].min(axis=1)
+    if (found.depth > CRUSHED * smaller).any():
+        raise ValueError("the grains do not fit into the box: they would crush each other")
+
+
 def _rests(bed: Bed, law: Law) -> bool:
     """Whether the contacts of a bed, were it still, balance."""
-    still = replace(bed, velocity=np.zeros_like(bed.velocity), spin=np.zeros_like(bed.spin))
+    still = _stilled(bed)
     net = forces(still, law)[np.isfinite(bed.mass), :2]
     found, radius = contacts(still, law), bed.radius
     one, other = radius[found.pair].T

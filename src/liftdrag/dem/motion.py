@@ -14,7 +14,8 @@ from numba import prange
 
 from liftdrag.dem.compiled import compiled
 from liftdrag.dem.forces import pair_forces, wall_forces
-from liftdrag.dem.neighbours import neighbours, room_for_meetings, wall_neighbours
+from liftdrag.dem.neighbours import Pairs, neighbours, room_for_meetings, wall_neighbours
+from liftdrag.dem.shapes import Meetings
 
 
 class Bodies(NamedTuple):
@@ -36,6 +37,9 @@ SAMPLES = 11
 """Columns of a row of samples: force on the watched body (x, y, torque), push on the walls (left,
 right, bottom, top), kinetic and elastic energy, deepest overlap, lists rebuilt."""
 
+FARTHEST = 1e100
+"""Coordinate (m) beyond which a part is nowhere."""
+
 FINE, TOO_DEEP, NOT_FINITE, ESCAPED = 0, 1, 2, 3
 
 
@@ -52,9 +56,10 @@ def _drift(bodies, scene, forces, turning, kick, time_step, damping, low, high, 
     farthest = 0.0
     for k in range(low, high):
         fx, fy, torque = _gathered(first, position, place, force, k)
-        vx = damping * (velocity[k, 0] + kick * fx * mobility[k])
-        vy = damping * (velocity[k, 1] + kick * fy * mobility[k])
-        spin = damping * (spins[k] + kick * torque * turnability[k])
+        slow = damping if mobility[k] > 0.0 else 1.0
+        vx = slow * (velocity[k, 0] + kick * fx * mobility[k])
+        vy = slow * (velocity[k, 1] + kick * fy * mobility[k])
+        spin = slow * (spins[k] + kick * torque * turnability[k])
         velocity[k, 0], velocity[k, 1], spins[k] = vx, vy, spin
         x, y = position[k, 0] + vx * time_step, position[k, 1] + vy * time_step
         position[k, 0], position[k, 1] = x, y
@@ -138,6 +143,15 @@ def _kinetic(bodies, scene, force, kick):
 
 
 @compiled()
+def _placed(place):
+    """Whether every part is somewhere."""
+    for i in range(len(place)):
+        if not (abs(place[i, 0]) < FARTHEST and abs(place[i, 1]) < FARTHEST):
+            return False
+    return True
+
+
+@compiled()
 def _verdict(place, walls, deepest, bound, energy):
     """Whether the state is one of grains still: FINE, or why not."""
     if not isfinite(energy):
@@ -203,12 +217,16 @@ def _advance(
                 )
             kick, step_time = time_step, time_step
             if 4.0 * farthest.max() > skin * skin:
+                if not _placed(scene.place):
+                    status = NOT_FINITE
+                    break
                 pairs = neighbours(parts, scene.place, skin, law, pairs)
                 meetings = room_for_meetings(pairs)
                 wall_pairs = wall_neighbours(parts, scene.place, skin, law, walls, wall_pairs)
                 origin[:] = scene.place
                 chunk = _chunks(pairs.first, threads)
                 rebuilt += 1
+        listed, met = Pairs(*pairs), Meetings(*meetings)
         for t in prange(threads):
             energies[t], depths[t] = pair_forces(
                 shape,
@@ -216,8 +234,8 @@ def _advance(
                 parts.radius,
                 law,
                 step_time,
-                pairs,
-                meetings,
+                listed,
+                met,
                 chunk[t],
                 chunk[t + 1],
                 force[t],

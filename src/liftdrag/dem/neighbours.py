@@ -62,7 +62,10 @@ class WallPairs(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """What of the parts does not change: `bound` and `radius` (m), `mass` and index of the body."""
+    """What of the parts does not change: `bound` and `radius` (m), `mass` and `body`.
+
+    Parts of one body do not touch, and all driven bodies count as one, -1.
+    """
 
     bound: np.ndarray
     radius: np.ndarray

@@ -36,7 +36,7 @@ def packed(scene: Drag2DScene, run: int) -> Bed:
     bed = _bed(scene, rng)
     try:
         scale = sqrt(scene.mass / (scene.grains.stiffness * sqrt(scene.grains.diameter)))
-        bed = grown(
+        return grown(
             bed,
             law_of(scene),
             GROWTH_STEP * scale,
@@ -50,8 +50,6 @@ def packed(scene: Drag2DScene, run: int) -> Bed:
             str(error),
             "lower it, or widen the box",
         ) from None
-    bed.velocity[-1] = 0.0, scene.drive.speed
-    return bed
 
 
 def diameters(scene: Drag2DScene) -> np.ndarray:
@@ -73,7 +71,7 @@ def _bed(scene: Drag2DScene, rng: np.random.Generator) -> Bed:
     position[-1] = scene.box.width / 2.0, scene.intruder.start
     return Bed(
         position=position,
-        velocity=np.zeros((count + 1, 2)),
+        velocity=np.vstack([np.zeros((count, 2)), [0.0, scene.drive.speed]]),
         angle=np.zeros(count + 1),
         spin=np.zeros(count + 1),
         mass=np.append(mass, np.inf),
