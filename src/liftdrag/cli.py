@@ -256,12 +256,12 @@ def verify(
     engine: EngineName = "lammps", engine_path: EnginePath = None, as_json: PlainJson = False
 ) -> None:
     """Test an engine with two bodies, against closed forms and published values."""
-    from liftdrag.engines import engine as engine_called
+    from liftdrag.engines import spatial
     from liftdrag.progress import spinning
     from liftdrag.report import check_table, convergence_table
     from liftdrag.verify import verified
 
-    chosen = engine_called(engine, engine_path)
+    chosen = spatial(engine, engine_path)
     chosen.check(1)
     with spinning() as tell:
         found = verified(chosen, tell)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from liftdrag.deck.dialect import Contact
-from liftdrag.engines import engine as engine_called
+from liftdrag.engines import spatial
 from liftdrag.engines.base import About, Engine
 from liftdrag.engines.probes import Probe, Subject, probe
 from liftdrag.errors import InputError
@@ -61,7 +61,7 @@ def examine(
     Raises InputError when there is no engine of that name; one that is not installed is a
     patient who is `missing`.
     """
-    chosen = engine_called(name, path)
+    chosen = spatial(name, path)
     try:
         about = chosen.about()
     except InputError as error:

@@ -17,6 +17,7 @@ from liftdrag.deck.dialect import IN_HOUSE, LAMMPS, Dialect
 from liftdrag.deck.drag2d import check_shape
 from liftdrag.deck.tank import build, contact_of
 from liftdrag.engines import engine as engine_called
+from liftdrag.engines import spatial
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.probes import TANK, Probe, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
@@ -105,13 +106,8 @@ def run(
 def engine_for(case: Case, name: str | None, path: str | Path | None = None) -> Engine:
     """The engine of this name, or that of the case's scene. Raises InputError."""
     planar = isinstance(case.scene, Drag2DScene)
-    chosen = name or ("dem" if planar else "lammps")
-    if chosen == "dem" and not planar:
-        raise InputError(
-            f"The engine dem computes in the plane, and the scene {case.scene.scene} is not; "
-            "choose lammps, lmp or liggghts."
-        )
-    return engine_called(chosen, None if path is None else Path(path))
+    chosen, place = name or ("dem" if planar else "lammps"), None if path is None else Path(path)
+    return engine_called(chosen, place) if planar else spatial(chosen, place)
 
 
 def _run_tank(

@@ -145,7 +145,8 @@ def sweep(
     _write(folder, results, findings)
     for picture in plan.pictures:
         quantities = {name: result.quantities[picture.quantity] for name, result in results.items()}
-        draw_bars(picture.title, picture.groups, quantities, folder / picture.file)
+        path = folder / picture.file
+        draw_bars(picture.title, picture.groups, picture.quantity, quantities, path)
     return Studied(plan, folder, results, findings)
 
 

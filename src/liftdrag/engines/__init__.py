@@ -39,6 +39,16 @@ def engine(name: str, path: Path | None = None) -> Engine:
     return _in_house() if name == "dem" else _wheel()
 
 
+def spatial(name: str, path: Path | None = None) -> Engine:
+    """The engine called `name`, of those that compute in space. Raises InputError as above."""
+    if name == "dem":
+        raise InputError(
+            f"The engine dem computes in the plane, not in space; choose one of "
+            f"{', '.join(ENGINES)}."
+        )
+    return engine(name, path)
+
+
 @cache
 def _program(name: str, path: Path | None) -> Program:
     return Program(_PROGRAMS[name], path)

@@ -9,27 +9,30 @@ from liftdrag.analysis.quantity import Quantity
 
 
 def draw_bars(
-    title: str, groups: Sequence[Sequence[str]], quantities: Mapping[str, Quantity], path: Path
+    title: str,
+    groups: Sequence[Sequence[str]],
+    name: str,
+    quantities: Mapping[str, Quantity],
+    path: Path,
 ) -> None:
-    """A bar with its standard error for each run, those of a group together (Figs. 13 and 14)."""
+    """A bar of the quantity `name` and its error for each run, by groups (Figs. 13 and 14)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
-    place, names = 0.0, list[str]()
-    ticks = []
+    place, ticks, names = 0.0, list[float](), list[str]()
     for group in groups:
-        for k, name in enumerate(group):
-            found = quantities[name]
+        for k, run in enumerate(group):
+            found = quantities[run]
             colour = ("tab:blue", "tab:orange", "tab:green", "tab:purple")[k % 4]
             axes.bar(place, found.mean, color=colour if len(group) > 1 else "tab:blue", width=0.8)
             axes.errorbar(place, found.mean, found.standard_error, color="0.1", capsize=4.0)
             ticks.append(place)
-            names.append(name)
+            names.append(run)
             place += 0.9
         place += 0.5
     axes.set_xticks(ticks, names)
-    first = quantities[names[0]]
-    axes.set_ylabel("1" if first.unit == "1" else f"drag ({first.unit})")
+    unit = quantities[names[0]].unit
+    axes.set_ylabel(name if unit == "1" else f"{name} ({unit})")
     axes.set_title(title, loc="left", fontsize="medium")
     figure.savefig(path, dpi=150)

@@ -10,7 +10,7 @@ from typing import Literal
 
 from liftdrag import hertz
 from liftdrag.deck.dialect import Contact
-from liftdrag.engines import engine as engine_called
+from liftdrag.engines import spatial
 from liftdrag.engines.impact import Impact, Throw, impacts
 from liftdrag.errors import InputError
 
@@ -71,7 +71,7 @@ def impact(
         youngs_modulus, poisson_ratio, restitution, friction, radius, rigid=partner == "plane"
     )
     rayleigh = hertz.rayleigh_time(2.0 * radius, density, youngs_modulus, poisson_ratio)
-    chosen = engine_called(engine, None if engine_path is None else Path(engine_path))
+    chosen = spatial(engine, None if engine_path is None else Path(engine_path))
     (found,) = impacts(
         chosen,
         contact,
