@@ -24,7 +24,7 @@ from liftdrag.case import Case
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
 from liftdrag.deck.drag2d import build, check_shape, contact_of, read_bed
-from liftdrag.dem import Bed
+from liftdrag.dem import Bed, is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
@@ -47,13 +47,13 @@ FILES = (RESULT, "drag.csv", "packings.csv", "drag.png", "flow.png")
 
 @dataclass(frozen=True)
 class _Task:
-    """What each packing of an ensemble is made from."""
+    """What each packing of an ensemble is made from; the deck of the first, where it is made."""
 
     case: Case
     scene: Drag2DScene
-    numerics: Drag2DNumerics
     engine: Engine
     folder: Path
+    first: Deck | None = None
 
 
 def packing_folder(folder: Path, number: int) -> Path:
@@ -99,7 +99,7 @@ def run(
     if world.size > 1:
         task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world)
     else:
-        task, record = _begin(case, engine, out, ignore_probes)
+        task, record = _begin(case, engine, out, progress, ignore_probes)
         outcomes = _recorded(task, record, progress, ranks or _cores())
     return _conclude(task, record, outcomes, time.monotonic() - start)
 
@@ -134,6 +134,7 @@ def _begin(
     case: Case,
     engine: Engine,
     out: str | Path | None,
+    progress: Progress,
     ignore_probes: Sequence[str],
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
@@ -144,6 +145,8 @@ def _begin(
     if engine.dialect is not IN_HOUSE:
         subject = Subject(contact_of(scene), scene.grains.density)
         probes, alarms = trusted(engine, subject, PLANAR, ignore_probes)
+    if is_cold():
+        progress("compile", 0, 1)
     deck = prepare(case, scene, 0, engine.dialect)
     folder = fresh(out, case.name)
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
@@ -152,7 +155,7 @@ def _begin(
         case.name, dict(case.tables), engine.name, deck.plan, list(numerics.warnings), made, alarms
     )
     record.write(folder)
-    return _Task(case, scene, numerics, engine, folder), record
+    return _Task(case, scene, engine, folder, deck), record
 
 
 def _in_team(
@@ -169,13 +172,13 @@ def _in_team(
     team, first = MPI.COMM_WORLD, None
     try:
         if world.rank == 0:
-            first = _begin(case, engine, out, ignore_probes)
+            first = _begin(case, engine, out, progress, ignore_probes)
     finally:
         place = team.bcast(str(first[0].folder) if first else "", root=0)
     if not place:
         sys.exit(2)
     scene = _planar(case)
-    task = first[0] if first else _Task(case, scene, derive(scene), engine, Path(place))
+    task = first[0] if first else _Task(case, scene, engine, Path(place))
     mine = range(world.rank, scene.ensemble.runs, world.size)
     shares = team.gather(_share(task, mine, progress if first else silent), root=0)
     if first is None or shares is None:
@@ -233,12 +236,16 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
             raise _Halted
 
     folder = packing_folder(task.folder, number)
-    deck = prepare(task.case, task.scene, number, task.engine.dialect)
+    deck = task.first if number == 0 and task.first else _deck(task, number)
     deck.write(folder)
     outcome = task.engine.run(deck.plan, folder, look, alone=True)
     named = replace(outcome, reason=f"packing {number + 1}: {outcome.reason}")
     write_json(folder / OUTCOME, asdict(named) | {"path": str(outcome.path)})
     return outcome if outcome.status == "finished" else named
+
+
+def _deck(task: _Task, number: int) -> Deck:
+    return prepare(task.case, task.scene, number, task.engine.dialect)
 
 
 def _conclude(task: _Task, record: Record, outcomes: list[Outcome], wall_s: float) -> Result:

@@ -44,7 +44,11 @@ def _bar() -> Iterator[Progress]:
         yield progress
 
 
-_MEANING = {"settle": "settling, at most", "drive": "driving"}
+_MEANING = {
+    "settle": "settling, at most",
+    "drive": "driving",
+    "compile": "compiling the in-house engine, this once",
+}
 
 
 def _lines() -> Progress:

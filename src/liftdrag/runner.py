@@ -99,6 +99,10 @@ def run(
     if ranks is not None:
         _check_ranks(ranks)
     if isinstance(case.scene, Drag2DScene):
+        if dump:
+            raise InputError(
+                "--dump is for a tank; the moments of each packing are kept in any case."
+            )
         return ensemble.run(case, chosen, out, ranks, progress, ignore_probes)
     return _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes)
 

@@ -6,6 +6,7 @@ engine holds, `growth` packs it, `contacts` looks at it.
 """
 
 from liftdrag.dem.bed import Advanced, Bed, Memory, advance
+from liftdrag.dem.compiled import is_cold
 from liftdrag.dem.contacts import Contacts, contacts, forces
 from liftdrag.dem.growth import grown
 from liftdrag.dem.law import Law, hertz_mindlin
@@ -26,4 +27,5 @@ __all__ = [
     "forces",
     "grown",
     "hertz_mindlin",
+    "is_cold",
 ]

@@ -31,6 +31,11 @@ def _folder() -> str:
     return str(folder)
 
 
+def is_cold() -> bool:
+    """Whether nothing was compiled on this machine yet, which takes half a minute."""
+    return not any(Path(_folder()).rglob("*.nbi"))
+
+
 def compiled(parallel: bool = False, inline: bool = False) -> Callable[[Any], Any]:
     """A decorator: compile for this processor. Division by zero gives inf, as in C.
 
