@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -29,14 +30,14 @@ GROWTH_DAMPING = 0.02
 def packed(scene: Drag2DScene, run: int) -> Bed:
     """Packing number `run` at rest, the cylinder, its last body, about to move.
 
-    All packings hold the same grains, in other places; what they weigh and how stiff they are
-    makes no difference. Raises CaseError when they do not fit.
+    All packings hold the same grains, in other places; what they weigh, how stiff they are and
+    how ellipses touch in the pull makes no difference. Raises CaseError when they do not fit.
     """
     rng = np.random.default_rng([scene.seed, run])
     bed = _bed(scene, rng)
     try:
         scale = sqrt(scene.mass / (scene.grains.stiffness * sqrt(scene.grains.diameter)))
-        return grown(
+        bed = grown(
             bed,
             law_of(scene),
             GROWTH_STEP * scale,
@@ -50,6 +51,7 @@ def packed(scene: Drag2DScene, run: int) -> Bed:
             str(error),
             "lower it, or widen the box",
         ) from None
+    return replace(bed, contact=scene.grains.contact if scene.grains.shape == "ellipse" else "disc")
 
 
 def diameters(scene: Drag2DScene) -> np.ndarray:
@@ -79,7 +81,7 @@ def _bed(scene: Drag2DScene, rng: np.random.Generator) -> Bed:
         semi_axes=np.vstack([semi_axes, [radius, radius]]),
         offset=np.vstack([offset, [0.0, 0.0]]),
         body=np.append(body, count),
-        contact=scene.grains.contact if scene.grains.shape == "ellipse" else "disc",
+        contact="common normal" if scene.grains.shape == "ellipse" else "disc",
         walls=(0.0, scene.box.width, 0.0, scene.height),
     )
 
