@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from liftdrag.pictures import drag2d as pictures
 from liftdrag.result import Result, begun, cost, provenance
 from liftdrag.result import answered as quantities_of
 from liftdrag.scene import Drag2DScene
+from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 from liftdrag.trust import trusted
 from liftdrag.version import VERSION
@@ -68,16 +70,21 @@ def prepare(case: Case, scene: Drag2DScene, number: int, dialect: Dialect = IN_H
     return build(scene, derive(scene), bed, case.name, VERSION, dialect)
 
 
-def write_decks(case: Case, scene: Drag2DScene, engine: Engine, folder: Path) -> Drag2DNumerics:
-    """The decks of all packings, each in its folder, and the reasons for their numbers."""
+def write_decks(case: Case, engine: Engine, out: str | Path | None) -> tuple[Path, Drag2DNumerics]:
+    """The decks of all packings, each in its folder, and the reasons for their numbers.
+
+    Raises InputError before anything is written.
+    """
+    scene = _planar(case)
     numerics = derive(scene)
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
     with ThreadPoolExecutor(_cores()) as pool:
         numbers = range(scene.ensemble.runs)
-        decks = pool.map(lambda number: prepare(case, scene, number, engine.dialect), numbers)
-        for number, deck in zip(numbers, decks, strict=True):
-            deck.write(packing_folder(folder, number))
-    return numerics
+        decks = list(pool.map(lambda k: prepare(case, scene, k, engine.dialect), numbers))
+    folder = fresh(out, case.name, "decks")
+    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    for number, deck in enumerate(decks):
+        deck.write(packing_folder(folder, number))
+    return folder, numerics
 
 
 def run(
@@ -185,7 +192,7 @@ def _in_team(
         sys.exit(0)
     for share in shares:
         if isinstance(share, str):
-            raise InputError(share)
+            raise _failed(task, first[1], "engine_error", share)
     return task, first[1], [outcome for share in shares for outcome in share]
 
 
@@ -202,9 +209,15 @@ def _recorded(task: _Task, record: Record, progress: Progress, workers: int) -> 
     try:
         return _run_all(task, range(task.scene.ensemble.runs), workers, progress)
     except KeyboardInterrupt:
-        reason = f"The run in {task.folder} was interrupted."
-        write_json(task.folder / RESULT, begun(record, "killed", [reason]))
-        raise RunFailed("killed", reason) from None
+        raise _failed(task, record, "killed", "the run was interrupted") from None
+    except InputError as error:
+        raise _failed(task, record, "engine_error", str(error)) from None
+
+
+def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
+    """The failure of a run without outcomes, written down."""
+    write_json(task.folder / RESULT, begun(record, status, [reason]))
+    return RunFailed(status, f"{status} in {task.folder}: {reason}")
 
 
 def _run_all(task: _Task, numbers: range, workers: int, progress: Progress) -> list[Outcome]:
@@ -276,12 +289,19 @@ def _packing(folder: Path, record: Record, number: int) -> Packing:
     place = packing_folder(folder, number)
     try:
         series = engine_called(record.engine).series(record.plan, place)
+        _check_complete(series, record)
         frames = list(_centres(place, record))
-    except (OSError, ValueError, LookupError) as error:
+    except (OSError, ValueError, LookupError, EOFError, BadZipFile) as error:
         raise InputError(
             f"The files in {place} are damaged ({error}); run the case again."
         ) from error
     return Packing(series, frames[0], frames[-1])
+
+
+def _check_complete(series: Series, record: Record) -> None:
+    whole = record.plan.stages["drive"] * record.plan.time_step
+    if abs(series.time[-1] / whole - 1.0) > 1e-6:
+        raise ValueError(f"the series ends at {series.time[-1]:.4g} s, not at {whole:.4g} s")
 
 
 def _centres(folder: Path, record: Record) -> Iterator[np.ndarray]:

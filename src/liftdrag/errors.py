@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import ceil, floor, log10
+
 
 class InputError(ValueError):
     """Bad input from the user; nothing was started. The command line exits with status 2."""
@@ -20,6 +23,23 @@ def shown(value: object) -> str:
     """A value as an error repeats it: short."""
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def at_least(value: float) -> str:
+    """A positive value to four digits, rounded up: one that a user may copy."""
+    return _rounded(value, ceil)
+
+
+def at_most(value: float) -> str:
+    """A positive value to four digits, rounded down."""
+    return _rounded(value, floor)
+
+
+def _rounded(value: float, towards: Callable[[float], int]) -> str:
+    if value <= 0.0:
+        return "0"
+    unit = 10.0 ** (floor(log10(value)) - 3)
+    return f"{towards(round(value / unit, 6)) * unit:.4g}"
 
 
 class SeriesTooShort(ValueError):

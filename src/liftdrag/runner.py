@@ -156,8 +156,7 @@ def build_deck(
     program = chosen.dialect.program
     if isinstance(case.scene, Drag2DScene):
         check_shape(case.scene, chosen.dialect)
-        folder = fresh(out, case.name, "decks")
-        planar = ensemble.write_decks(case, case.scene, chosen, folder)
+        folder, planar = ensemble.write_decks(case, chosen, out)
         here = f"{program} ." if chosen.dialect is IN_HOUSE else f"{program} -in in.drag2d"
         return folder, explained(planar), here
     numerics, deck = prepare(case, ranks, dialect=chosen.dialect)

@@ -166,14 +166,20 @@ def _finished(folder: Path, case: Case) -> Result | None:
     """
     if not folder.exists() or not any(folder.iterdir()):
         return None
-    record = read_json(folder / RECORD)
-    status = read_json(folder / RESULT).get("status")
-    if record.get("tables") != dict(case.tables) or status != "finished":
+    if not _is_finished(folder, case):
         raise InputError(
             f"{folder} holds another run, or one that did not finish; choose another --out, or "
             "remove it."
         )
     return analyze(folder)
+
+
+def _is_finished(folder: Path, case: Case) -> bool:
+    try:
+        record, result = read_json(folder / RECORD), read_json(folder / RESULT)
+    except InputError:
+        return False
+    return record.get("tables") == dict(case.tables) and result.get("status") == "finished"
 
 
 def _found(claim: Claim, results: Mapping[str, Result]) -> Finding:

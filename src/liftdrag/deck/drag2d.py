@@ -125,7 +125,7 @@ def read_bed(folder: Path) -> Bed:
         contact, walls = str(arrays.pop("contact")), arrays.pop("walls")
         left, right, bottom, top = map(float, walls)
         return Bed(**arrays, contact=contact, walls=(left, right, bottom, top))
-    except (OSError, ValueError, LookupError, TypeError, BadZipFile) as error:
+    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
             f"{folder / BED} is no packing of liftdrag ({error}); write the deck again."
         ) from None

@@ -12,9 +12,10 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, NoReturn
 
 import numpy as np
+from pydantic import Field, ValidationError
 
 from liftdrag import dem
 from liftdrag.deck import Plan
@@ -24,8 +25,10 @@ from liftdrag.dem import Advanced, Bed, advance, hertz_mindlin
 from liftdrag.engines import mpi
 from liftdrag.engines.base import About, Outcome, Progress, silent
 from liftdrag.errors import InputError
+from liftdrag.scene.model import Part
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
+from liftdrag.tables import column, read_table
 from liftdrag.version import VERSION
 
 SERIES = "series.csv"
@@ -47,13 +50,34 @@ _ENDS = {
 """How a run may end: its status and the reason."""
 
 
+class _Contact(Part):
+    youngs_modulus: Annotated[float, Field(gt=0.0)]
+    poisson_ratio: Annotated[float, Field(ge=0.0, lt=0.5)]
+    restitution: Annotated[float, Field(gt=0.0, le=1.0)]
+    friction: Annotated[float, Field(ge=0.0)]
+
+
+class _Run(Part):
+    time_step: Annotated[float, Field(gt=0.0)]
+    steps: Annotated[int, Field(gt=0)]
+    row_every: Annotated[int, Field(gt=0)]
+    frame_every: Annotated[int, Field(gt=0)]
+    skin: Annotated[float, Field(gt=0.0)]
+    watched: Annotated[int, Field(ge=0)]
+
+
+class _Numbers(Part):
+    contact: _Contact
+    run: _Run
+
+
 @dataclass(frozen=True)
 class _Deck:
     """A deck as read: the bed, the numbers of the contact and those of the run."""
 
     bed: Bed
-    contact: dict[str, float]
-    run: dict[str, Any]
+    contact: _Contact
+    run: _Run
 
 
 class InHouse:
@@ -97,7 +121,7 @@ class InHouse:
         _write_series(deck, pieces, folder / SERIES)
         np.savez(folder / FRAMES, allow_pickle=False, **frames)
         status, reason = _ENDS[pieces[-1].status]
-        done = sum(len(piece.force) for piece in pieces) * deck.run["row_every"]
+        done = sum(len(piece.force) for piece in pieces) * deck.run.row_every
         about = self.about()
         return Outcome(
             status=status,
@@ -114,11 +138,9 @@ class InHouse:
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The samples, time zero where the drive starts."""
-        table = np.loadtxt(folder / SERIES, delimiter=",", skiprows=1, ndmin=2)
-        if not np.isfinite(table).all():
-            raise ValueError(f"{SERIES} holds values that are not finite")
-        channels = dict(zip(CHANNELS, table[:, 1:].T, strict=True))
-        return Series(table[:, 0], channels, CHANNELS)
+        table = read_table(folder / SERIES, "csv")
+        channels = {name: column(table, name) for name in CHANNELS}
+        return Series(column(table, "time"), channels, CHANNELS)
 
     def surfaces(self, plan: Plan, folder: Path) -> Iterator[tuple[float, np.ndarray]]:
         """None: a closed box has no surface."""
@@ -140,36 +162,42 @@ class InHouse:
 def _read(folder: Path) -> _Deck:
     """The deck of a folder. Raises InputError when it is none or damaged."""
     try:
-        numbers = tomllib.loads((folder / NUMBERS).read_text("utf-8"))
-        return _Deck(read_bed(folder), numbers["contact"], numbers["run"])
+        numbers = _Numbers.model_validate(tomllib.loads((folder / NUMBERS).read_text("utf-8")))
+        return _Deck(read_bed(folder), numbers.contact, numbers.run)
     except OSError as error:
         raise InputError(f"{folder} holds no {NUMBERS} to run: {error.strerror}.") from None
-    except (ValueError, KeyError) as error:
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise InputError(f"{folder / NUMBERS} is wrong at {key}: {first['msg']}.") from None
+    except InputError:
+        raise
+    except ValueError as error:
         raise InputError(f"{folder / NUMBERS} is damaged ({error}); write it again.") from None
 
 
 def _pieces(deck: _Deck, progress: Progress) -> tuple[list[Advanced], dict[str, np.ndarray]]:
     """The run from frame to frame, and the frames; it ends early where a piece does."""
     numbers, bed = deck.run, deck.bed
-    law = hertz_mindlin(**deck.contact)
-    steps, every = numbers["steps"], numbers["frame_every"]
+    law = hertz_mindlin(**dict(deck.contact))
+    steps, every = numbers.steps, numbers.frame_every
     pieces: list[Advanced] = []
     moments = [(0.0, bed)]
     for done in range(0, steps, every):
         piece = advance(
             bed,
             law,
-            numbers["time_step"],
-            min(every, steps - done) // numbers["row_every"],
-            numbers["row_every"],
-            numbers["skin"],
-            watched=numbers["watched"],
+            numbers.time_step,
+            min(every, steps - done) // numbers.row_every,
+            numbers.row_every,
+            numbers.skin,
+            watched=numbers.watched,
         )
         pieces.append(piece)
         if piece.status != dem.FINE:
             break
         bed = piece.bed
-        moments.append(((done + every) * numbers["time_step"], bed))
+        moments.append(((done + every) * numbers.time_step, bed))
         progress("drive", done + every, steps)
     return pieces, _frames(moments)
 
@@ -188,7 +216,7 @@ def _write_series(deck: _Deck, pieces: list[Advanced], path: Path) -> None:
         np.concatenate([getattr(piece, name) for piece in pieces])
         for name in ("kinetic", "elastic", "overlap")
     ]
-    interval = deck.run["row_every"] * deck.run["time_step"]
+    interval = deck.run.row_every * deck.run.time_step
     moment = np.arange(1, len(force) + 1) * interval
     table = np.column_stack([moment, -force[:, 1], force[:, 0], load, *rest])
     head = ",".join(["time", *CHANNELS])
@@ -223,8 +251,8 @@ def _decks(folder: Path) -> list[Path]:
 
 def _reported(folder: Path) -> Outcome:
     deck = _read(folder)
-    stages = {"drive": deck.run["steps"]}
-    plan = Plan(NUMBERS, 1, deck.run["time_step"], stages, deck.run["row_every"], {})
+    stages = {"drive": deck.run.steps}
+    plan = Plan(NUMBERS, 1, deck.run.time_step, stages, deck.run.row_every, {})
     outcome = InHouse().run(plan, folder, silent)
     speed = outcome.grains * outcome.steps / outcome.loop_s
     print(f"{folder}: {outcome.status}, {outcome.steps} steps, {speed:.3g} grain-steps per second")

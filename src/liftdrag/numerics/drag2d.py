@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil
 
 from liftdrag import hertz
-from liftdrag.errors import CaseError
+from liftdrag.errors import CaseError, at_most
 from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import Drag2DScene
 
@@ -90,16 +90,19 @@ def _time_step(scene: Drag2DScene, impact: float) -> tuple[Value[float], int]:
             chosen,
             f"above {STEP_BREAKS} of the Hertz time a pressurised bed was seen to give wrong "
             "forces without any other sign",
-            f"choose at most {STEP_BREAKS * impact:.3g} s; "
+            f"choose at most {at_most(STEP_BREAKS * impact)} s; "
             f"{STEP_FRACTION * impact:.3g} s is derived",
         )
     largest = STEP_FRACTION * impact if chosen is None else chosen
     duration = scene.drive.distance / scene.drive.speed
     row_every = ceil(duration / (ROWS * largest) * (1.0 - 1e-9))
     if ROWS * row_every > MOST_STEPS:
+        key, value = "drive.distance", scene.drive.distance
+        if chosen is not None:
+            key, value = "numerics.time_step", chosen
         raise CaseError(
-            "drive.distance",
-            scene.drive.distance,
+            key,
+            value,
             f"this takes {ROWS * row_every:.3g} steps of {largest:.3g} s",
             f"keep it under {MOST_STEPS:.0e} steps",
         )
@@ -117,7 +120,7 @@ def _skin(scene: Drag2DScene) -> Value[float]:
             "numerics.skin",
             chosen,
             "a neighbour skin wider than two grains only costs time",
-            f"choose at most {2.0 * scene.grains.diameter:.3g} m; {SKIN} d is derived",
+            f"choose at most {at_most(2.0 * scene.grains.diameter)} m; {SKIN} d is derived",
         )
     return Value(chosen, "m", "set by hand")
 

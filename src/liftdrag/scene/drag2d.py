@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from liftdrag import hertz
-from liftdrag.errors import CaseError
+from liftdrag.errors import CaseError, at_least, at_most
 from liftdrag.scene.material import Material
 from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Length, Speed, Time
@@ -150,14 +150,14 @@ def _check_box(scene: Drag2DScene) -> None:
             "box.width",
             scene.box.width,
             "the grains cannot pass between the cylinder and the walls",
-            f"make it at least the cylinder and four grains wide, {least:.4g} m",
+            f"make it at least the cylinder and four grains wide, {at_least(least)} m",
         )
     if scene.intruder.diameter < scene.grains.diameter:
         raise CaseError(
             "intruder.diameter",
             scene.intruder.diameter,
             "the intruder is smaller than a grain",
-            f"make it at least grains.diameter = {scene.grains.diameter:.4g} m",
+            f"make it at least grains.diameter = {at_least(scene.grains.diameter)} m",
         )
 
 
@@ -168,7 +168,7 @@ def _check_path(scene: Drag2DScene) -> None:
             "intruder.start",
             scene.intruder.start,
             "the cylinder would begin in the floor",
-            f"put its centre at least its radius, {radius:.4g} m, high",
+            f"put its centre at least its radius, {at_least(radius)} m, high",
         )
     room = scene.height - radius - scene.intruder.start
     if drive.distance > room:
@@ -176,12 +176,12 @@ def _check_path(scene: Drag2DScene) -> None:
             "drive.distance",
             drive.distance,
             f"the cylinder would hit the ceiling of the box, {scene.height:.4g} m high",
-            f"make it at most {max(room, 0.0):.4g} m, or start lower",
+            f"make it at most {at_most(room)} m, or start lower",
         )
     if drive.average_from >= drive.distance:
         raise CaseError(
             "drive.average_from",
             drive.average_from,
             "nothing is left to average",
-            f"make it less than drive.distance = {drive.distance:.4g} m",
+            f"make it less than drive.distance = {at_most(drive.distance)} m",
         )
