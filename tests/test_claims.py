@@ -61,3 +61,19 @@ def test_ratio_at_its_bound_is_decided_one_time_in_twenty():
     pairs = np.array([121.8, 100.0])[:, None] + 5.0 * RNG.normal(size=(2000, 2, 40))
     seen = sum(within(one, other, 0.218).verdict != "undecided" for one, other in pairs)
     assert seen / 2000 == pytest.approx(LEVEL, abs=0.02)
+
+
+def test_samples_without_scatter_are_decided_by_their_means():
+    same, more = np.ones(3), np.full(3, 2.0)
+    assert difference(same, same, "N").verdict == "undecided"
+    assert difference(more, same, "N").verdict == "supported"
+    assert within(more, same, 0.1).verdict == "contradicted"
+    assert within(same, same, 0.1).verdict == "supported"
+
+
+def test_ratio_of_negative_means_has_a_positive_error():
+    found = within(np.array([-1.0, -1.2, -0.8]), np.array([1.0, 1.1, 0.9]), 0.1)
+    assert found.standard_error > 0.0
+    assert 0.0 <= found.p_value <= 1.0
+    with pytest.raises(ValueError, match="no meaning"):
+        within(np.ones(3), np.array([-1.0, 0.0, 1.0]), 0.1)

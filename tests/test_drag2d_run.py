@@ -21,11 +21,12 @@ from test_drag2d_scene import TINY, each_shape, tiny, tiny_of
 
 from liftdrag.case import Case
 from liftdrag.deck.drag2d import read_bed
-from liftdrag.dem import Bed, forces
+from liftdrag.dem import Bed, advance, forces
 from liftdrag.dem.compiled import _folder
 from liftdrag.engines.dem import main
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.packing.drag2d import law_of
+from liftdrag.numerics import derive
+from liftdrag.packing.drag2d import law_of, packed
 from liftdrag.pictures import drag2d as pictures
 from liftdrag.result import Result
 from liftdrag.runner import analyze, run
@@ -583,3 +584,18 @@ def test_an_interrupt_stops_every_packing_and_says_so(name: str, file: str, step
     assert processes_of(tmp_path) == []
     with pytest.raises(InputError, match="did not finish"):
         analyze(tmp_path / "out")
+
+
+def test_derived_step_holds_where_the_pull_is_slow_and_the_grains_are_light():
+    """Against a quarter of it: there a step of 0.02 Hertz times made kinetic energy of nothing."""
+    slow = {"speed": "1 mm/s", "distance": "0.02 mm", "average_from": "4 um"}
+    scene = scene_of(tiny(box={"thickness": "1 mm"}, drive=slow))
+    step, bed = derive(scene).time_step.value, packed(scene, 0)
+
+    def pulled(share: float) -> tuple[float, float]:
+        rows, every = 20, round(1e-3 / (share * step))
+        run = advance(bed, law_of(scene), share * step, rows, every, watched=len(bed.mass) - 1)
+        return float(run.force[:, 1].mean()), float(run.kinetic[-1])
+
+    coarse, fine = pulled(1.0), pulled(0.25)
+    assert coarse == pytest.approx(fine, rel=1e-3)

@@ -372,8 +372,8 @@ def test_an_engine_is_of_the_path_given(tmp_path):
         ("lamps", "did you mean 'lammps'"),
         ("ligghts", "did you mean 'liggghts'"),
         ("lmpp", "did you mean 'lmp'"),
-        ("yade", "choose one of lammps, lmp, liggghts"),
-        ("", "choose one of lammps, lmp, liggghts"),
+        ("yade", "choose one of lammps, lmp, liggghts, dem"),
+        ("", "choose one of lammps, lmp, liggghts, dem"),
     ],
 )
 def test_an_unknown_engine_gets_a_hint(name, hint):

@@ -99,6 +99,10 @@ def test_run_that_did_not_finish_is_named(study: Path, tmp_path: Path):
         ('case = "zhou/c1"', 'case = "zhou/c9"', "zhou/c9"),
         ('file = "both.png"', 'file = "../both.png"', "pictures.0.file"),
         ("[runs.pairs]", "[runs.'../pairs']", "runs"),
+        ("[runs.pairs]", "[runs.'..']", "runs"),
+        ("[runs.pairs]", "[runs.'runs.csv']", "runs"),
+        ("within = 9.0", 'quantity = "zzz"', "claims.1.quantity"),
+        ('case = "zhou/d1"', 'case = "quick"', "grains.count"),
         ('title = "Two shapes"', "", "title"),
         ("[set]", "[set", "not TOML"),
         ('"ensemble.runs" = 3', '"ensemble.runs" = 1', "ensemble.runs"),
@@ -138,3 +142,10 @@ def test_command_line_prints_runs_and_claims(study: Path, tmp_path: Path):
     assert shown.exit_code == 0
     assert "dumbbells drag more" in shown.output
     assert np.all([name in shown.output for name in ("round", "pairs", "claims.csv")])
+
+
+def test_study_under_a_launcher_is_refused(study: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PMI_SIZE", "2")
+    monkeypatch.setenv("PMI_RANK", "0")
+    with pytest.raises(InputError, match="without mpiexec"):
+        sweep(str(study))

@@ -52,11 +52,11 @@ def load(case: str | Path) -> Case:
     """The case of a path, or a packaged one by its name ("quick"). Raises InputError."""
     path = Path(case)
     if path.suffix == ".toml" or _is_file(path):
-        return Case(path.stem, _parse(_read(path), str(path)))
+        return Case(path.stem, parse(read_text(path, "case"), f"case {path}"))
     packaged_cases = packaged()
     if str(case) not in packaged_cases:
         raise InputError(f"There is no case {shown(str(case))}: {_nearest_case(str(case))}")
-    return Case(str(case), _parse(packaged_cases[str(case)].read_text("utf-8"), str(case)))
+    return Case(str(case), parse(packaged_cases[str(case)].read_text("utf-8"), f"case {case}"))
 
 
 def packaged() -> dict[str, Traversable]:
@@ -95,28 +95,30 @@ def _nearest_case(name: str) -> str:
     return f"{hint}'liftdrag cases' lists the packaged ones, and a path should end in .toml."
 
 
-def _read(path: Path) -> str:
+def read_text(path: Path, kind: str) -> str:
+    """The text of a case or study file. Raises InputError when it cannot be one."""
     try:
         if path.stat().st_size <= MAX_BYTES:
             return path.read_text("utf-8")
     except OSError as error:
-        raise InputError(f"The case {path} cannot be read: {error.strerror}.") from None
+        raise InputError(f"The {kind} {path} cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError:
-        raise InputError(f"The case {path} is not UTF-8 text; is it a case file?") from None
+        raise InputError(f"The {kind} {path} is not UTF-8 text; is it a {kind} file?") from None
     except ValueError:
-        raise InputError(f"The case {shown(str(path))} is no path; give a case file.") from None
-    raise InputError(f"{path} is larger than {MAX_BYTES} bytes, no case file; check it.")
+        raise InputError(f"The {kind} {shown(str(path))} is no path; give a {kind} file.") from None
+    raise InputError(f"{path} is larger than {MAX_BYTES} bytes, no {kind} file; check it.")
 
 
-def _parse(text: str, name: str) -> dict[str, Any]:
+def parse(text: str, name: str) -> dict[str, Any]:
+    """The tables of a TOML text called `name`. Raises InputError when it is none."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"The case {name} is not TOML: {error}.") from None
+        raise InputError(f"The {name} is not TOML: {error}.") from None
     except RecursionError:
-        raise InputError(f"The case {name} is nested too deeply; is it a case file?") from None
+        raise InputError(f"The {name} is nested too deeply; is it one?") from None
     except ValueError as error:
-        raise InputError(f"The case {name} cannot be read as TOML: {error}.") from None
+        raise InputError(f"The {name} cannot be read as TOML: {error}.") from None
 
 
 def _split(key: str) -> list[str]:
@@ -134,8 +136,8 @@ def _value(text: str) -> object:
     return parsed["value"] if parsed.keys() == {"value"} else text
 
 
-def _see_schema(scene: str = "tank") -> str:
-    return f"'liftdrag schema {scene}' lists the keys"
+def _see_schema() -> str:
+    return "'liftdrag schema SCENE' lists the keys"
 
 
 def _scene(tables: Mapping[str, Any]) -> Scene:

@@ -6,6 +6,8 @@ of one rank, or over the ranks of the MPI job around us. Each has a folder with 
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import sys
 import threading
@@ -30,6 +32,7 @@ from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.probes import PLANAR, Probe, Subject
+from liftdrag.engines.process import cpu_of_children
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RESULT, Record, fresh, write_json
 from liftdrag.numerics import Drag2DNumerics, derive, explained
@@ -103,12 +106,16 @@ def run(
     scene = _planar(case)
     check_shape(scene, engine.dialect)
     world, start = mpi.world(program="liftdrag"), time.monotonic()
+    before = cpu_of_children()
     if world.size > 1:
         task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world)
     else:
         task, record = _begin(case, engine, out, progress, ignore_probes)
         outcomes = _recorded(task, record, progress, ranks or _cores())
-    return _conclude(task, record, outcomes, time.monotonic() - start)
+    whole = _total(outcomes)
+    if engine.dialect is not IN_HOUSE and world.size == 1:
+        whole = replace(whole, cpu_s=cpu_of_children() - before)
+    return _conclude(task, record, outcomes, whole, time.monotonic() - start)
 
 
 def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
@@ -154,7 +161,8 @@ def _begin(
         probes, alarms = trusted(engine, subject, PLANAR, ignore_probes)
     if is_cold():
         progress("compile", 0, 1)
-    deck = prepare(case, scene, 0, engine.dialect)
+    with ThreadPoolExecutor(1) as aside:  # a signal in compiled code would end the process
+        deck = aside.submit(prepare, case, scene, 0, engine.dialect).result()
     folder = fresh(out, case.name)
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
     made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
@@ -197,11 +205,13 @@ def _in_team(
 
 
 def _share(task: _Task, numbers: range, progress: Progress) -> list[Outcome] | str:
-    """The outcomes of these packings, or why they cannot be made."""
+    """The outcomes of these packings, or why they cannot be made: the others wait for a word."""
     try:
         return _run_all(task, numbers, 1, progress)
-    except InputError as error:
+    except (InputError, RunFailed, OSError) as error:
         return str(error)
+    except KeyboardInterrupt:
+        return "the run was interrupted"
 
 
 def _recorded(task: _Task, record: Record, progress: Progress, workers: int) -> list[Outcome]:
@@ -212,11 +222,15 @@ def _recorded(task: _Task, record: Record, progress: Progress, workers: int) -> 
         raise _failed(task, record, "killed", "the run was interrupted") from None
     except InputError as error:
         raise _failed(task, record, "engine_error", str(error)) from None
+    except OSError as error:
+        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        raise _failed(task, record, status, str(error)) from None
 
 
 def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
-    """The failure of a run without outcomes, written down."""
-    write_json(task.folder / RESULT, begun(record, status, [reason]))
+    """The failure of a run without outcomes, written down where that is possible."""
+    with contextlib.suppress(RunFailed):
+        write_json(task.folder / RESULT, begun(record, status, [reason]))
     return RunFailed(status, f"{status} in {task.folder}: {reason}")
 
 
@@ -224,6 +238,7 @@ def _run_all(task: _Task, numbers: range, workers: int, progress: Progress) -> l
     """The outcomes of these packings, those after a failure left out."""
     halted, outcomes = threading.Event(), list[Outcome]()
     pool = ThreadPoolExecutor(workers)
+    progress("packings", 0, len(numbers))
     try:
         running = [pool.submit(_run_one, task, number, halted) for number in numbers]
         for done in as_completed(running):
@@ -249,6 +264,8 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
             raise _Halted
 
     folder = packing_folder(task.folder, number)
+    if not task.folder.is_dir():
+        raise RunFailed("engine_error", f"the folder {task.folder} vanished during the run")
     deck = task.first if number == 0 and task.first else _deck(task, number)
     deck.write(folder)
     outcome = task.engine.run(deck.plan, folder, look, alone=True)
@@ -261,10 +278,11 @@ def _deck(task: _Task, number: int) -> Deck:
     return prepare(task.case, task.scene, number, task.engine.dialect)
 
 
-def _conclude(task: _Task, record: Record, outcomes: list[Outcome], wall_s: float) -> Result:
+def _conclude(
+    task: _Task, record: Record, outcomes: list[Outcome], whole: Outcome, wall_s: float
+) -> Result:
     """The result of the whole. Raises RunFailed with the first packing that did not finish."""
     failed = next((one for one in outcomes if one.status != "finished"), None)
-    whole = _total(outcomes)
     status, reasons = (failed.status, [failed.reason]) if failed else ("finished", [])
     result = begun(record, status, reasons) | cost(whole, wall_s)
     result["engine"] |= {"version": whole.version, "path": str(whole.path)}

@@ -41,7 +41,10 @@ class Record:
         """The record of a folder. Raises InputError when it is missing or damaged."""
         found = read_json(folder / RECORD)
         try:
-            return cls(**found | {"plan": Plan(**found["plan"])})
+            record = cls(**found | {"plan": Plan(**found["plan"])})
+            if isinstance(record.tables, dict) and isinstance(record.alarms, list):
+                return record
+            raise TypeError
         except (KeyError, TypeError):
             raise _damaged(folder / RECORD) from None
 

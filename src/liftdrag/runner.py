@@ -157,7 +157,9 @@ def build_deck(
     if isinstance(case.scene, Drag2DScene):
         check_shape(case.scene, chosen.dialect)
         folder, planar = ensemble.write_decks(case, chosen, out)
-        here = f"{program} ." if chosen.dialect is IN_HOUSE else f"{program} -in in.drag2d"
+        here = f"{program} ."
+        if chosen.dialect is not IN_HOUSE:
+            here = f"cd {ensemble.packing_folder(Path(), 0)} && {program} -in in.drag2d"
         return folder, explained(planar), here
     numerics, deck = prepare(case, ranks, dialect=chosen.dialect)
     folder = fresh(out, case.name, "decks")

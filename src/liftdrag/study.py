@@ -6,27 +6,32 @@ with a `case` and its own `set`, `[[claims]]` and `[[pictures]]`.
 
 from __future__ import annotations
 
-import tomllib
+import errno
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from liftdrag.analysis.claims import Finding, difference, within
-from liftdrag.case import Case, load, with_settings
+from liftdrag.case import Case, load, parse, read_text, with_settings
+from liftdrag.engines import mpi
 from liftdrag.engines.base import Progress, silent
-from liftdrag.errors import CaseError, InputError, shown
+from liftdrag.errors import CaseError, InputError, RunFailed, shown
 from liftdrag.folder import RECORD, RESULT, read_json
 from liftdrag.pictures.study import draw_bars
 from liftdrag.result import Result
 from liftdrag.runner import analyze, run
+from liftdrag.scene import Drag2DScene
 from liftdrag.scene.model import Part
 
 ENDING = ".study"
+
+Each = Literal["drag", "lift", "drag_fluctuation", "rest_pressure", "irregularity"]
+"""The quantities that each packing has, whatever the engine."""
 
 
 class Run(Part):
@@ -43,7 +48,7 @@ class Claim(Part):
     larger: str
     smaller: str
     within: Annotated[float, Field(gt=0.0)] | None = None
-    quantity: str = "drag"
+    quantity: Each = "drag"
 
 
 class Picture(Part):
@@ -51,8 +56,8 @@ class Picture(Part):
 
     file: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+\.png$")]
     title: str
-    groups: list[list[str]]
-    quantity: str = "drag"
+    groups: Annotated[list[list[str]], Field(min_length=1)]
+    quantity: Each = "drag"
 
 
 class Plan(Part):
@@ -60,7 +65,9 @@ class Plan(Part):
 
     title: str
     set: dict[str, Any] = Field(default_factory=dict)
-    runs: dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")], Run]
+    runs: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")], Run], Field(min_length=1)
+    ]
     claims: list[Claim] = Field(default_factory=list)
     pictures: list[Picture] = Field(default_factory=list)
 
@@ -98,25 +105,23 @@ def packaged() -> Iterator[str]:
 def read(study: str) -> Plan:
     """The study of a path, or a packaged one by its name. Raises InputError."""
     try:
-        return Plan.model_validate(tomllib.loads(_text(study)))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"The study {shown(study)} is not TOML: {error}.") from None
+        return Plan.model_validate(parse(_text(study), f"study {study}"))
     except ValidationError as error:
         detail = error.errors()[0]
-        key = ".".join(map(str, detail["loc"])) or "the file"
+        inner = detail.get("ctx", {}).get("error")
+        if isinstance(inner, CaseError):
+            raise inner from None
+        key = ".".join(map(str, detail["loc"]))
         raise InputError(f"The study {shown(study)} is wrong at {key}: {detail['msg']}.") from None
 
 
 def _text(study: str) -> str:
     if study in packaged():
         return (resources.files("liftdrag.cases") / f"{study}{ENDING}").read_text("utf-8")
-    try:
-        return Path(study).read_text("utf-8")
-    except (OSError, ValueError):
+    if not Path(study).is_file():
         names = ", ".join(sorted(packaged()))
-        raise InputError(
-            f"There is no study {shown(study)}; give a file, or one of {names}."
-        ) from None
+        raise InputError(f"There is no study {shown(study)}; give a file, or one of {names}.")
+    return read_text(Path(study), "study")
 
 
 def sweep(
@@ -131,9 +136,11 @@ def sweep(
     `settings` (KEY=VALUE) hold for all runs; `jobs` packings run at a time. Raises InputError
     for a bad study before anything runs, RunFailed when a run does not finish.
     """
+    if mpi.world(program="liftdrag").size > 1:
+        raise InputError("A study runs its cases one by one; start it without mpiexec.")
     plan = read(study)
     cases = {name: _case(plan, one, settings or []) for name, one in plan.runs.items()}
-    folder = Path(out) if out is not None else Path("runs") / Path(study).with_suffix("")
+    folder = Path(out) if out is not None else _default_folder(study)
     results = dict[str, Result]()
     for done, (name, case) in enumerate(cases.items()):
         progress("cases", done, len(cases))
@@ -142,12 +149,18 @@ def sweep(
         )
     progress("cases", len(cases), len(cases))
     findings = [(claim, _found(claim, results)) for claim in plan.claims]
-    _write(folder, results, findings)
-    for picture in plan.pictures:
-        quantities = {name: result.quantities[picture.quantity] for name, result in results.items()}
-        path = folder / picture.file
-        draw_bars(picture.title, picture.groups, picture.quantity, quantities, path)
+    try:
+        _write(folder, results, findings)
+        _draw(folder, plan, results)
+    except OSError as error:
+        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        raise RunFailed(status, f"Nothing was written to {folder}: {error.strerror}.") from None
     return Studied(plan, folder, results, findings)
+
+
+def _default_folder(study: str) -> Path:
+    """Below runs/: the name of a packaged study, or of a file without its folders."""
+    return Path("runs") / (study if study in packaged() else Path(study).stem)
 
 
 def _case(plan: Plan, one: Run, settings: list[str]) -> Case:
@@ -155,7 +168,8 @@ def _case(plan: Plan, one: Run, settings: list[str]) -> Case:
     for key, value in (plan.set | one.set).items():
         case = case.set(key, value)
     case = with_settings(case, settings)
-    case.scene  # noqa: B018 - a bad case is refused before anything runs
+    if not isinstance(case.scene, Drag2DScene):
+        raise InputError(f"The case {one.case} is no ensemble; a study is of those.")
     return case
 
 
@@ -164,7 +178,7 @@ def _finished(folder: Path, case: Case) -> Result | None:
 
     Raises InputError when the folder holds another one, or one that did not finish.
     """
-    if not folder.exists() or not any(folder.iterdir()):
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return None
     if not _is_finished(folder, case):
         raise InputError(
@@ -198,6 +212,13 @@ def _each(result: Result, quantity: str) -> np.ndarray:
     table = pd.read_csv(result.folder / "packings.csv")
     unit = result.quantities[quantity].unit
     return table[f"{quantity} ({unit})"].to_numpy(float)
+
+
+def _draw(folder: Path, plan: Plan, results: Mapping[str, Result]) -> None:
+    for picture in plan.pictures:
+        quantities = {name: result.quantities[picture.quantity] for name, result in results.items()}
+        path = folder / picture.file
+        draw_bars(picture.title, picture.groups, picture.quantity, quantities, path)
 
 
 def _write(

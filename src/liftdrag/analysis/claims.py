@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from scipy import stats
@@ -32,23 +32,39 @@ def difference(one: np.ndarray, other: np.ndarray, unit: str) -> Finding:
 
     The size is the difference of the means of independent samples.
     """
-    size = float(one.mean() - other.mean())
-    error = sqrt(one.var(ddof=1) / len(one) + other.var(ddof=1) / len(other))
-    p = float(stats.ttest_ind(one, other, equal_var=False).pvalue)
-    verdict = "undecided" if p >= LEVEL else ("supported" if size > 0.0 else "contradicted")
+    size, error, p = _welch(one, other)
+    verdict = _verdict(p, size > 0.0)
     return Finding(size, error, unit, p, (len(one), len(other)), verdict)
 
 
 def within(one: np.ndarray, other: np.ndarray, share: float) -> Finding:
     """The claim that the mean of `one` (n,) differs from that of `other` (m,) by at most a share.
 
-    The size is the relative difference. Its distance from the nearer of the two bounds is
-    tested, with errors propagated to first order and taken as normal.
+    The size is the relative difference, its error propagated to first order. Tested is whether
+    `one` minus the nearer bound, (1 + share) or (1 - share) times `other`, is zero: Welch's test.
+    Raises ValueError when the mean of `other` is zero.
     """
+    if other.mean() == 0.0:
+        raise ValueError("a relative difference from zero has no meaning")
     ratio = float(one.mean() / other.mean())
-    shares = [values.std(ddof=1) / sqrt(len(values)) / values.mean() for values in (one, other)]
-    error = ratio * float(np.hypot(*shares))
-    size = ratio - 1.0
-    p = float(2.0 * stats.norm.sf(abs(abs(size) - share) / error))
-    verdict = "undecided" if p >= LEVEL else ("supported" if abs(size) < share else "contradicted")
-    return Finding(size, error, "1", p, (len(one), len(other)), verdict)
+    errors = [float(values.std(ddof=1)) / sqrt(len(values)) for values in (one, other)]
+    error = hypot(errors[0], ratio * errors[1]) / abs(float(other.mean()))
+    bound = 1.0 + (share if ratio > 1.0 else -share)
+    p = _welch(one, bound * other)[2]
+    verdict = _verdict(p, abs(ratio - 1.0) < share)
+    return Finding(ratio - 1.0, error, "1", p, (len(one), len(other)), verdict)
+
+
+def _welch(one: np.ndarray, other: np.ndarray) -> tuple[float, float, float]:
+    """Difference of the means, its standard error, and the p-value of its being zero."""
+    size = float(one.mean() - other.mean())
+    error = sqrt(one.var(ddof=1) / len(one) + other.var(ddof=1) / len(other))
+    if error == 0.0:
+        return size, error, float(size == 0.0)
+    return size, error, float(stats.ttest_ind(one, other, equal_var=False).pvalue)
+
+
+def _verdict(p: float, holds: bool) -> str:
+    if p >= LEVEL:
+        return "undecided"
+    return "supported" if holds else "contradicted"

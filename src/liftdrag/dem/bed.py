@@ -130,10 +130,10 @@ def advance(
     `watched` is the body whose force is sampled, none when negative. Raises ValueError for
     numbers that make no sense, or for discs that are none.
     """
-    _check(bed, time_step, rows, row_every, threads)
+    skin = 0.3 * float(bed.radius.mean()) if skin is None else skin
+    _check(bed, time_step, rows, row_every, skin, threads)
     order = spatial_order(bed)
     inside = _permuted(bed, order)
-    skin = 0.3 * float(bed.radius.mean()) if skin is None else skin
     shape, bodies, parts, scene = arrays(inside)
     walls = np.array(bed.walls, float)
     pairs = neighbours(parts, scene.place, skin, law, pairs_of(inside))
@@ -180,10 +180,13 @@ def advance(
     )
 
 
-def _check(bed: Bed, time_step: float, rows: int, row_every: int, threads: int) -> None:
-    if not (time_step > 0.0 and rows >= 0 and row_every >= 1 and threads >= 1):
+def _check(
+    bed: Bed, time_step: float, rows: int, row_every: int, skin: float, threads: int
+) -> None:
+    if not (time_step > 0.0 and rows >= 0 and row_every >= 1 and skin > 0.0 and threads >= 1):
         raise ValueError(
-            f"no run of {rows} rows of {row_every} steps of {time_step} s on {threads} threads"
+            f"no run of {rows} rows of {row_every} steps of {time_step} s with a skin of {skin} m "
+            f"on {threads} threads"
         )
     if bed.contact == "disc" and not np.array_equal(bed.semi_axes[:, 0], bed.semi_axes[:, 1]):
         raise ValueError("the parts are no discs: their semi-axes differ")

@@ -17,15 +17,20 @@ from typing import Any
 
 import numba
 
+LEAST_ROOM = 10_000_000
+"""Bytes that the cache may need."""
+
 
 @cache
 def _folder() -> str:
     sources = sorted(Path(__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(file.read_bytes() for file in sources)).hexdigest()[:16]
-    parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = parent / "liftdrag" / "kernels" / digest
+    parent = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
+    folder = Path(parent) / "liftdrag" / "kernels" / digest
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(LEAST_ROOM))
     except OSError:
         return tempfile.mkdtemp(prefix="liftdrag-kernels-")
     return str(folder)

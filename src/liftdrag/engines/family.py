@@ -161,14 +161,16 @@ def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:
-    stage, total = "start", 0
+    stage, done, total = "start", 0, 0
 
     def poll() -> None:
-        nonlocal stage, total
+        nonlocal stage, done, total
         for line in tail.lines():
             if match := _STAGE.match(line):
-                stage, total = match[1], int(match[2])
+                stage, done, total = match[1], 0, int(match[2])
             elif match := _THERMO.match(line):
-                progress(stage, int(match[1]), total)
+                done = int(match[1])
+        if total:
+            progress(stage, done, total)
 
     return poll

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, sqrt
 
 from liftdrag import hertz
 from liftdrag.errors import CaseError, at_most
@@ -14,11 +14,17 @@ from liftdrag.scene import Drag2DScene
 STEP_FRACTION = 0.02
 """Time step over the Hertz time: the drag is that of a step ten times smaller, within 1 %."""
 
-STEP_BOUND = 0.05
+SQUEEZED_FRACTION = 0.14
+"""Time step over the squeezed time, sqrt(m / K) of the smallest grain in a deep contact."""
+
+SQUEEZED_BOUND = 0.3
 """The same ratio above which a time step set by hand is warned about."""
 
-STEP_BREAKS = 0.08
-"""The largest such ratio at which the drag was right; from 0.1 on it is wrong without a sign."""
+SQUEEZED_BREAKS = 0.5
+"""The largest such ratio at which c1's drag was right; from 0.6 on it is wrong without a sign."""
+
+SQUEEZE = 0.1
+"""Overlap over the diameter of such a contact, as before the cylinder."""
 
 ROWS = 240
 """Rows of a series, over the whole displacement."""
@@ -28,6 +34,9 @@ FRAMES = 5
 
 SKIN = 0.15
 """Neighbour skin in grain diameters."""
+
+GROWTH_STEPS = 15_000
+"""Steps in which a packing grows and comes to rest, roughly."""
 
 SPEED_HINT = 2e7
 """Grain-steps per second of discs on one core, for the estimate of the cost."""
@@ -42,6 +51,7 @@ class Drag2DNumerics(Numerics):
     box_height: Value[float]
     rayleigh_time: Value[float]
     hertz_time: Value[float]
+    squeezed_time: Value[float]
     time_step: Value[float]
     drive_steps: Value[int]
     row_every: Value[int]
@@ -58,7 +68,7 @@ def derive(scene: Drag2DScene) -> Drag2DNumerics:
     impact = hertz.hertz_time(grains.stiffness, scene.mass / 2.0, speed)
     step, row_every = _time_step(scene, impact)
     steps = ROWS * row_every
-    cost = float(grains.count * scene.ensemble.runs * steps)
+    cost = float(grains.count * scene.ensemble.runs * (steps + GROWTH_STEPS))
     wave = hertz.rayleigh_time(
         grains.diameter, grains.density, grains.youngs_modulus, grains.poisson_ratio
     )
@@ -67,33 +77,36 @@ def derive(scene: Drag2DScene) -> Drag2DNumerics:
         box_height=Value(scene.height, "m", "the grains at the solid fraction, and the cylinder"),
         rayleigh_time=Value(wave, "s", "of a sphere; these grains are heavier, and slower"),
         hertz_time=Value(impact, "s", "an impact of two grains at the drive's speed"),
+        squeezed_time=Value(
+            _squeezed_time(scene), "s", f"sqrt(m/K) of the smallest grain, squeezed by {SQUEEZE} d"
+        ),
         time_step=step,
         drive_steps=Value(steps, "steps", "distance over speed over time step"),
         row_every=Value(row_every, "steps", f"{ROWS} rows of forces over the displacement"),
         frame_every=Value(steps // (FRAMES - 1), "steps", f"{FRAMES} snapshots of the bed"),
         skin=_skin(scene),
         inertial_force=Value(inertia, "N", "rho v^2 D L, of grains pushed out of the way"),
-        grain_steps=Value(cost, "1", "grains times steps times packings"),
+        grain_steps=Value(cost, "1", "grains times steps times packings, their growth included"),
         core_hours=Value(
             cost / SPEED_HINT / 3600.0, "h", f"at {SPEED_HINT:.0e} grain-steps per second"
         ),
-        warnings=tuple(_warnings(scene, step.value, impact)),
+        warnings=tuple(_warnings(scene, step.value)),
     )
 
 
 def _time_step(scene: Drag2DScene, impact: float) -> tuple[Value[float], int]:
     """The time step, shortened so that whole rows end at the distance, and the steps of a row."""
-    chosen = scene.numerics.time_step
-    if chosen is not None and chosen > STEP_BREAKS * impact:
+    chosen, squeezed = scene.numerics.time_step, _squeezed_time(scene)
+    derived = min(STEP_FRACTION * impact, SQUEEZED_FRACTION * squeezed)
+    if chosen is not None and chosen > SQUEEZED_BREAKS * squeezed:
         raise CaseError(
             "numerics.time_step",
             chosen,
-            f"above {STEP_BREAKS} of the Hertz time a pressurised bed was seen to give wrong "
-            "forces without any other sign",
-            f"choose at most {at_most(STEP_BREAKS * impact)} s; "
-            f"{STEP_FRACTION * impact:.3g} s is derived",
+            f"above {SQUEEZED_BREAKS} of the squeezed time, {squeezed:.3g} s, a pressurised bed "
+            "was seen to give wrong forces without any other sign",
+            f"choose at most {at_most(SQUEEZED_BREAKS * squeezed)} s; {derived:.3g} s is derived",
         )
-    largest = STEP_FRACTION * impact if chosen is None else chosen
+    largest = derived if chosen is None else chosen
     duration = scene.drive.distance / scene.drive.speed
     row_every = ceil(duration / (ROWS * largest) * (1.0 - 1e-9))
     if ROWS * row_every > MOST_STEPS:
@@ -107,8 +120,18 @@ def _time_step(scene: Drag2DScene, impact: float) -> tuple[Value[float], int]:
             f"keep it under {MOST_STEPS:.0e} steps",
         )
     step = duration / (ROWS * row_every)
-    reason = f"{STEP_FRACTION} of the Hertz time" if chosen is None else "set by hand"
-    return Value(step, "s", f"{reason}, or less to end at the distance"), row_every
+    reason = f"the less of {STEP_FRACTION} Hertz and {SQUEEZED_FRACTION} squeezed times"
+    reason = reason if chosen is None else "set by hand"
+    return Value(step, "s", f"{reason}; less to end at the distance"), row_every
+
+
+def _squeezed_time(scene: Drag2DScene) -> float:
+    """sqrt(m / K) (s) of the smallest grain, K the stiffness of a contact squeezed by 0.1 d.
+
+    What limits the step of a bed under pressure: unlike an impact, it has no speed.
+    """
+    stiffness = 1.5 * scene.grains.stiffness * sqrt(SQUEEZE * scene.grains.diameter)
+    return sqrt(scene.mass * (1.0 - scene.grains.spread) ** 2 / stiffness)
 
 
 def _skin(scene: Drag2DScene) -> Value[float]:
@@ -125,11 +148,12 @@ def _skin(scene: Drag2DScene) -> Value[float]:
     return Value(chosen, "m", "set by hand")
 
 
-def _warnings(scene: Drag2DScene, step: float, impact: float) -> Iterator[str]:
-    if step > STEP_BOUND * impact:
+def _warnings(scene: Drag2DScene, step: float) -> Iterator[str]:
+    squeezed = _squeezed_time(scene)
+    if step > SQUEEZED_BOUND * squeezed:
         yield (
-            f"The time step set by hand, {step:.3g} s, is above {STEP_BOUND} of the Hertz time "
-            f"({impact:.3g} s); from {STEP_BREAKS} on the forces are wrong."
+            f"The time step set by hand, {step:.3g} s, is above {SQUEEZED_BOUND} of the squeezed "
+            f"time ({squeezed:.3g} s); from {SQUEEZED_BREAKS} on the forces are wrong."
         )
     if scene.grains.contact == "paper":
         yield (

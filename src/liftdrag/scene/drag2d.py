@@ -171,6 +171,13 @@ def _check_path(scene: Drag2DScene) -> None:
             f"put its centre at least its radius, {at_least(radius)} m, high",
         )
     room = scene.height - radius - scene.intruder.start
+    if room <= 0.0:
+        raise CaseError(
+            "intruder.start",
+            scene.intruder.start,
+            f"the cylinder would begin in the ceiling of the box, {scene.height:.4g} m high",
+            "start lower, or make the box higher with more grains (grains.count)",
+        )
     if drive.distance > room:
         raise CaseError(
             "drive.distance",
