@@ -31,8 +31,9 @@ from liftdrag.numerics import Drag2DNumerics, derive
 from liftdrag.packing.drag2d import law_of, packed
 from liftdrag.scene import Drag2DScene
 
-ROUNDS = 5
-STEPS = 10_000
+ROUNDS = 6
+"""Of which the first may have to compile."""
+
 SKINS = (0.1, 0.2, 0.3, 0.5)
 """Neighbour skins tried for LAMMPS, in grain diameters."""
 
@@ -50,9 +51,9 @@ def scene_of(case: str) -> tuple[Drag2DScene, Drag2DNumerics]:
     return scene, derive(scene)
 
 
-def in_house(bed: Bed, scene: Drag2DScene, numerics: Drag2DNumerics, steps: int) -> float:
-    """Seconds per step of the pull, its forces sampled at every step."""
-    row = numerics.row_every.value
+def in_house(bed: Bed, scene: Drag2DScene, numerics: Drag2DNumerics) -> float:
+    """Seconds per step of the whole pull, its forces sampled at every step."""
+    row, steps = numerics.row_every.value, numerics.drive_steps.value
     start = time.perf_counter()
     advance(
         bed,
@@ -63,15 +64,14 @@ def in_house(bed: Bed, scene: Drag2DScene, numerics: Drag2DNumerics, steps: int)
         numerics.skin.value,
         watched=len(bed.mass) - 1,
     )
-    return (time.perf_counter() - start) / (steps // row * row)
+    return (time.perf_counter() - start) / steps
 
 
 def lammps_decks(bed: Bed, scene: Drag2DScene, numerics: Drag2DNumerics) -> Iterator[Deck]:
     """The same pull without any measurement, at several skins, with and without sorting."""
     deck = build(scene, numerics, bed, "speed", "", LAMMPS)
     text = re.sub(r"^(fix +forces|dump|dump_modify) .*\n", "", deck.texts["in.drag2d"], flags=re.M)
-    text = re.sub(r"(variable drive_steps index) \d+", rf"\1 {STEPS}", text)
-    text = re.sub(r"^thermo .*", f"thermo {STEPS}", text, flags=re.M)
+    text = re.sub(r"^thermo .*", f"thermo {numerics.drive_steps.value}", text, flags=re.M)
     for skin, sort in product(SKINS, ("0 0.0", "1000 0.0")):
         changed = re.sub(
             r"^(neighbor +)\S+", rf"\g<1>{skin * scene.grains.diameter}", text, flags=re.M
@@ -107,8 +107,7 @@ def against_lammps() -> Iterator[str]:
         bed = packed(scene, 0)
         decks = list(lammps_decks(bed, scene, numerics))
         fastest = min(decks, key=lammps)
-        in_house(bed, scene, numerics, numerics.row_every.value)
-        own, other = best(partial(in_house, bed, scene, numerics, STEPS), partial(lammps, fastest))
+        own, other = best(partial(in_house, bed, scene, numerics), partial(lammps, fastest))
         yield (
             f"{case}: {own * 1e6:.1f} us/step, LAMMPS {other * 1e6:.1f} us/step: "
             f"{other / own:.2f} times as fast"
@@ -121,9 +120,7 @@ def against_discs() -> Iterator[str]:
     runs = []
     for case in cases:
         scene, numerics = scene_of(case)
-        pull = partial(in_house, packed(scene, 0), scene, numerics)
-        pull(numerics.row_every.value)
-        runs.append(partial(pull, STEPS))
+        runs.append(partial(in_house, packed(scene, 0), scene, numerics))
     times = best(*runs)
     for case, seconds in zip(cases, times, strict=True):
         yield f"{case}: {seconds * 1e6:.1f} us/step, {seconds / times[0]:.2f} times discs"

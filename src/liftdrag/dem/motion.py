@@ -118,27 +118,29 @@ def _turned(c, s, angle):
 @compiled()
 def _close(bodies, scene, force, kick):
     """The half kick that brings the velocities to the time of the positions."""
-    for k in range(len(bodies.angle)):
-        fx, fy, torque = _gathered(bodies.first, bodies.position, scene.place, force[0], k)
-        bodies.velocity[k, 0] += kick * fx * bodies.mobility[k]
-        bodies.velocity[k, 1] += kick * fy * bodies.mobility[k]
-        bodies.spin[k] += kick * torque * bodies.turnability[k]
+    position, velocity, _, spins, mobility, turnability, first, _ = bodies
+    place = scene.place
+    for k in range(len(spins)):
+        fx, fy, torque = _gathered(first, position, place, force, k)
+        velocity[k, 0] += kick * fx * mobility[k]
+        velocity[k, 1] += kick * fy * mobility[k]
+        spins[k] += kick * torque * turnability[k]
 
 
 @compiled()
 def _kinetic(bodies, scene, force, kick):
     """Kinetic energy (J) of the free bodies at the time of the positions."""
-    energy = 0.0
-    for k in range(len(bodies.angle)):
-        if bodies.mobility[k] > 0.0:
-            fx, fy, torque = _gathered(bodies.first, bodies.position, scene.place, force[0], k)
-            vx = bodies.velocity[k, 0] + kick * fx * bodies.mobility[k]
-            vy = bodies.velocity[k, 1] + kick * fy * bodies.mobility[k]
-            energy += 0.5 * (vx * vx + vy * vy) / bodies.mobility[k]
-        if bodies.turnability[k] > 0.0:
-            fx, fy, torque = _gathered(bodies.first, bodies.position, scene.place, force[0], k)
-            spin = bodies.spin[k] + kick * torque * bodies.turnability[k]
-            energy += 0.5 * spin * spin / bodies.turnability[k]
+    position, velocity, _, spins, mobility, turnability, first, _ = bodies
+    place, energy = scene.place, 0.0
+    for k in range(len(spins)):
+        fx, fy, torque = _gathered(first, position, place, force, k)
+        if mobility[k] > 0.0:
+            vx = velocity[k, 0] + kick * fx * mobility[k]
+            vy = velocity[k, 1] + kick * fy * mobility[k]
+            energy += 0.5 * (vx * vx + vy * vy) / mobility[k]
+        if turnability[k] > 0.0:
+            spin = spins[k] + kick * torque * turnability[k]
+            energy += 0.5 * spin * spin / turnability[k]
     return energy
 
 
@@ -263,7 +265,7 @@ def _advance(
             sample[0:3] /= row_every
             sample[3:7] = load / row_every
             load[:] = 0.0
-            sample[7] = _kinetic(bodies, scene, force, 0.5 * time_step)
+            sample[7] = _kinetic(bodies, scene, force[0], 0.5 * time_step)
             sample[8] = energy + energies.sum()
             sample[10] = rebuilt
             done = row + 1
@@ -271,7 +273,7 @@ def _advance(
             if status != FINE:
                 break
     if rows > 0:
-        _close(bodies, scene, force, 0.5 * time_step)
+        _close(bodies, scene, force[0], 0.5 * time_step)
     return samples, done, pairs, wall_pairs, status
 
 
