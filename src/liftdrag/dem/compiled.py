@@ -17,6 +17,10 @@ from typing import Any
 
 import numba
 
+if "NUMBA_THREADING_LAYER_PRIORITY" not in os.environ:  # the others sleep between two loops
+    _settings: Any = numba.config
+    _settings.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+
 LEAST_ROOM = 10_000_000
 """Bytes that the cache may need."""
 

@@ -137,7 +137,9 @@ def _squeezed_time(scene: Drag2DScene) -> float:
 def _skin(scene: Drag2DScene) -> Value[float]:
     chosen = scene.numerics.skin
     if chosen is None:
-        return Value(SKIN * scene.grains.diameter, "m", f"{SKIN} d: from 0.1 to 0.6 d the time is the same")
+        return Value(
+            SKIN * scene.grains.diameter, "m", f"{SKIN} d: from 0.1 to 0.6 d the time is the same"
+        )
     if chosen > 2.0 * scene.grains.diameter:
         raise CaseError(
             "numerics.skin",
