@@ -37,11 +37,14 @@ ROUNDS = 6
 SKINS = (0.1, 0.2, 0.3, 0.5)
 """Neighbour skins tried for LAMMPS, in grain diameters."""
 
+SKIN = 0.3
+"""Neighbour skin of the tiled beds, in grain diameters."""
+
 TILES = (1, 2, 5, 10, 16)
 """Packings of 400 grains side by side, in both directions."""
 
 GRAIN_STEPS = 20_000_000
-"""Grain-steps of a timed run of a tiled bed, of 400 to 2000 steps."""
+"""Grain-steps of a timed run of a tiled bed, of 1000 to 2000 steps."""
 
 
 def scene_of(case: str) -> tuple[Drag2DScene, Drag2DNumerics]:
@@ -170,11 +173,11 @@ def sizes() -> Iterator[str]:
     for tiles in TILES:
         bed = tiled(tiles)
         count = len(bed.mass)
-        steps = min(max(GRAIN_STEPS // count, 400), 2000)
+        steps = min(max(GRAIN_STEPS // count, 1000), 2000)
 
         def run(threads: int, bed: Bed = bed, steps: int = steps) -> float:
             begin = time.perf_counter()
-            step, skin = numerics.time_step.value, numerics.skin.value
+            step, skin = numerics.time_step.value, SKIN * grains.diameter
             advance(bed, law, step, 1, steps, skin, threads=threads)
             return (time.perf_counter() - begin) / steps / len(bed.mass)
 

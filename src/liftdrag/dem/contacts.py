@@ -45,7 +45,7 @@ def contacts(bed: Bed, law: Law) -> Contacts:
 @compiled()
 def _met(shape, place, axis, pairs):
     meetings = room_for_meetings(pairs)
-    end = near_pairs(place, pairs, meetings, 0, len(place))
+    end = near_pairs(place, pairs, meetings, 0, len(place), 0)
     meet(shape, place, axis, pairs.memory, meetings, 0, end)
     return meetings, end
 

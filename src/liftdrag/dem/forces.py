@@ -24,15 +24,19 @@ class Scene(NamedTuple):
     axis: np.ndarray
 
 
-@compiled()
-def near_pairs(place, pairs, meetings, low, high):
-    """List the meetings of the parts low to high; returns the end of their range.
+BLOCK = 256
+"""Parts whose meetings are listed and used before those of the next: they stay in the cache."""
 
-    The range begins where the pairs of part `low` do. The contacts of other pairs are forgotten.
+
+@compiled()
+def near_pairs(place, pairs, meetings, low, high, begin):
+    """List the meetings of the parts low to high from `begin` on; returns their end.
+
+    The contacts of the other pairs are forgotten.
     """
     first, other, stretch, _, _, _ = pairs
     pair, one, two = meetings.pair, meetings.one, meetings.other
-    count = first[low]
+    count = begin
     for i in range(low, high):
         x, y, bound = place[i, 0], place[i, 1], place[i, 2]
         for k in range(first[i], first[i + 1]):
@@ -53,10 +57,24 @@ def pair_forces(shape, scene, radius, law, time_step, pairs, meetings, low, high
 
     Returns the elastic energy (J) and the largest depth over the smaller radius.
     """
-    place, move, axis = scene
-    begin, end = pairs.first[low], near_pairs(place, pairs, meetings, low, high)
-    _, _, stretches, memory, spring, dashpot = pairs
-    meet(shape, place, axis, memory, meetings, begin, end)
+    energy, deepest = 0.0, 0.0
+    begin = pairs.first[low]
+    for block in range(low, high, BLOCK):
+        end = near_pairs(scene.place, pairs, meetings, block, min(block + BLOCK, high), begin)
+        meet(shape, scene.place, scene.axis, pairs.memory, meetings, begin, end)
+        elastic, deep = met_forces(
+            scene, radius, law, time_step, pairs, meetings, begin, end, force
+        )
+        energy += elastic
+        deepest = max(deepest, deep)
+    return energy, deepest
+
+
+@compiled()
+def met_forces(scene, radius, law, time_step, pairs, meetings, begin, end, force):
+    """Add the forces and torques of the meetings from `begin` to `end`; returns as above."""
+    place, move, _ = scene
+    _, _, stretches, _, spring, dashpot = pairs
     pair, one, other, depths, nxs, nys, alongs, acrosses = meetings
     energy, deepest = 0.0, 0.0
     for m in range(begin, end):
