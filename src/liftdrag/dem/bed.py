@@ -183,7 +183,7 @@ def advance(
 def _check(
     bed: Bed, time_step: float, rows: int, row_every: int, skin: float, threads: int
 ) -> None:
-    if not (time_step > 0.0 and rows >= 0 and row_every >= 1 and skin > 0.0 and threads >= 1):
+    if not (time_step > 0.0 and rows >= 0 and row_every >= 1 and skin >= 0.0 and threads >= 1):
         raise ValueError(
             f"no run of {rows} rows of {row_every} steps of {time_step} s with a skin of {skin} m "
             f"on {threads} threads"
