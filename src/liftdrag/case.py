@@ -136,8 +136,9 @@ def _value(text: str) -> object:
     return parsed["value"] if parsed.keys() == {"value"} else text
 
 
-def _see_schema() -> str:
-    return "'liftdrag schema SCENE' lists the keys"
+def _see_schema(model: type[BaseModel] | None = None) -> str:
+    name = get_args(model.model_fields["scene"].annotation)[0] if model else "SCENE"
+    return f"'liftdrag schema {name}' lists the keys"
 
 
 def _scene(tables: Mapping[str, Any]) -> Scene:
@@ -200,21 +201,21 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> CaseError:
         remedy = "add it: nothing that the answer depends on is guessed"
         return CaseError(key, None, "this key is missing", remedy)
     if detail["type"] == "model_type":
-        return CaseError(key, detail["input"], _NO_TABLE, _see_schema())
-    problem, remedy = _words(detail)
+        return CaseError(key, detail["input"], _NO_TABLE, _see_schema(model))
+    problem, remedy = _words(detail, model)
     return CaseError(key, detail["input"], problem, remedy)
 
 
-def _words(detail: ErrorDetails) -> tuple[str, str]:
+def _words(detail: ErrorDetails, model: type[BaseModel] | None = None) -> tuple[str, str]:
     error = detail.get("ctx", {}).get("error")
     text = str(error) if error else detail["msg"].replace("Input should be", "this should be")
     problem, _, remedy = text.partition("; ")
-    return problem, remedy or _see_schema()
+    return problem, remedy or _see_schema(model)
 
 
 def _did_you_mean(key: str, model: type[BaseModel]) -> str:
     close = difflib.get_close_matches(key, list(keys(model)), n=1, cutoff=0.5)
-    return f"did you mean {close[0]}" if close else _see_schema()
+    return f"did you mean {close[0]}" if close else _see_schema(model)
 
 
 def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
