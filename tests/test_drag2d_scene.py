@@ -385,7 +385,7 @@ def test_remedy_may_be_followed_to_the_letter(wrong: str, table: str, name: str,
     cylinder = {"diameter": 2e-3 * size, "start": 2.1e-3} | tables.get("intruder", {})
     bad = tiny(**tables | {"grains": grown, "intruder": cylinder})
     advised = number_in(refusal(bad).remedy)
-    derive(bad.set(f"{table}.{name}", advised).scene)
+    assert derive(bad.set(f"{table}.{name}", advised).scene).time_step.value > 0.0
 
 
 def test_grains_that_do_not_fit_are_refused_before_anything_is_written(

@@ -45,6 +45,8 @@ MOST_TRIES = 1000
 def grown(bed: Bed, law: Law, time_step: float, damping_rate: float, seed: int) -> Bed:
     """The bed packed at random between its walls, at rest, without memory of contacts.
 
+    What still moves after REST_STAGES is stopped where it is.
+
     Places and velocities of the free bodies are not used; the driven ones have their velocities
     again at the end. Raises ValueError when the grains do not fit, or the box is open.
     """

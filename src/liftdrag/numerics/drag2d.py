@@ -12,7 +12,7 @@ from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import Drag2DScene
 
 STEP_FRACTION = 0.02
-"""Time step over the Hertz time: the drag is that of a step ten times smaller, within 1 %."""
+"""Time step over the Hertz time: the drag of c1 is that of a tenth of the step, within 1 %."""
 
 SQUEEZED_FRACTION = 0.14
 """Time step over the squeezed time, sqrt(m / K) of the smallest grain in a deep contact."""
