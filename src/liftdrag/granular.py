@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import exp, expm1, pi, sqrt
 
 GRAVITY = 9.81
 """Acceleration of gravity, m/s^2."""
@@ -36,3 +36,15 @@ def grip(
     layers as effective bed heights. Above one the layers slip under the bed.
     """
     return drag_coefficient * depth * intruder / (friction * reach)
+
+
+def janssen_stress(depth: float, weight: float, beta: float, top: float = 0.0) -> float:
+    """Vertical stress (Pa) at `depth` (m) in a column whose wall friction is mobilised.
+
+    (w/beta)(1 - exp(-beta z)) + top exp(-beta z), of a bulk weight w = rho g (N/m^3), beta =
+    4 mu_w K / D (1/m) and a stress at the top (Pa); beta is negative where the wall pushes
+    down, zero without friction (Janssen 1895).
+    """
+    if beta == 0.0:
+        return top + weight * depth
+    return -weight / beta * expm1(-beta * depth) + top * exp(-beta * depth)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,9 @@ class Plan:
     """What a deck promises: where the engine starts, its stages' steps, and the files it leaves.
 
     `series` names each output file and its channels with their units; a row
-    comes every `row_every` steps of `time_step` seconds.
+    comes every `row_every` steps of `time_step` seconds. `fills` of a column, where it is one:
+    for each the number of grains, and the steps of its start and of those between which it is
+    averaged.
     """
 
     start: str
@@ -23,6 +25,7 @@ class Plan:
     stages: Mapping[str, int]
     row_every: int
     series: Mapping[str, Mapping[str, str]]
+    fills: Sequence[tuple[int, int, int, int]] = ()
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import overload
 
-from liftdrag.numerics import drag2d, tank
+from liftdrag.numerics import drag2d, janssen, tank
 from liftdrag.numerics.drag2d import Drag2DNumerics
+from liftdrag.numerics.janssen import JanssenNumerics
 from liftdrag.numerics.tank import TankNumerics
 from liftdrag.numerics.value import Numerics, Value, explained
-from liftdrag.scene import Drag2DScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, Scene, TankScene
 
-__all__ = ["Drag2DNumerics", "Numerics", "TankNumerics", "Value", "derive", "explained"]
+__all__ = ["Drag2DNumerics", "JanssenNumerics", "Numerics", "TankNumerics", "Value", "derive", "explained"]
 
 
 @overload
@@ -21,8 +22,14 @@ def derive(scene: TankScene, ranks: int = 1) -> TankNumerics: ...
 def derive(scene: Drag2DScene, ranks: int = 1) -> Drag2DNumerics: ...
 
 
-def derive(scene: TankScene | Drag2DScene, ranks: int = 1) -> Numerics:
+@overload
+def derive(scene: JanssenScene, ranks: int = 1) -> JanssenNumerics: ...
+
+
+def derive(scene: Scene, ranks: int = 1) -> Numerics:
     """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
+    if isinstance(scene, JanssenScene):
+        return janssen.derive(scene, ranks)
     if isinstance(scene, Drag2DScene):
         return drag2d.derive(scene)
     return tank.derive(scene, ranks)

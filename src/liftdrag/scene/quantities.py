@@ -43,7 +43,15 @@ def _convert(number: float, unit: str, si: str) -> float:
         raise ValueError(f"{unit!r} is not a known unit; {example}") from None
 
 
-_EXAMPLES = {"m": "1.5 mm", "s": "10 us", "m/s": "0.1 m/s", "kg/m^3": "2.5 g/cm^3", "Pa": "5 MPa"}
+_EXAMPLES = {
+    "m": "1.5 mm",
+    "s": "10 us",
+    "m/s": "0.1 m/s",
+    "kg": "100 g",
+    "kg/m^3": "2.5 g/cm^3",
+    "Pa": "5 MPa",
+    "N/m": "8 kN/m",
+}
 
 
 def _number(value: object, si: str, diameters: dict[str, float]) -> float:
@@ -110,3 +118,5 @@ Time = Annotated[float, _within("s", 1e-12, 1e6), _in("s"), _schema("s")]
 Speed = Annotated[float, _within("m/s", 1e-9, 1e3), _in("m/s"), _schema("m/s")]
 Density = Annotated[float, _within("kg/m^3", 1e-2, 1e6), _in("kg/m^3"), _schema("kg/m^3")]
 Modulus = Annotated[float, _within("Pa", 1.0, 1e13), _in("Pa"), _schema("Pa")]
+Mass = Annotated[float, _within("kg", 1e-15, 1e9), _in("kg"), _schema("kg")]
+Stiffness = Annotated[float, _within("N/m", 1e-9, 1e12), _in("N/m"), _schema("N/m")]
