@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from liftdrag.dem import Bed, Law
+from liftdrag.dem import Bed, HertzMindlin
 from liftdrag.dem.bed import NO_WALLS
 
 MODULUS, POISSON = 1e4, 0.3
@@ -21,11 +21,11 @@ def law_of(
     reach: float = 0.0,
     tangential_damping: float = 1.0,
     modulus: float = MODULUS,
-) -> Law:
+) -> HertzMindlin:
     """The law of these grains, its numbers from the formulas of Hertz, Mindlin and Tsuji."""
     effective = modulus / (2.0 * (1.0 - POISSON**2))
     lost = abs(log(restitution))
-    return Law(
+    return HertzMindlin(
         stiffness=4.0 / 3.0 * effective,
         tangential=3.0 * (1.0 - POISSON) / (2.0 - POISSON),
         damping=2.0 * sqrt(5.0 / 6.0) * lost / sqrt(pi**2 + lost**2),

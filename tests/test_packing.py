@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from liftdrag.packing import Container, random_bed, square_layer
-from liftdrag.packing.tank import TOLERANCE
+from liftdrag.packing.relaxation import TOLERANCE
 
 BOX = Container(
     length=9.3,

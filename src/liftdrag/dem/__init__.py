@@ -9,7 +9,15 @@ from liftdrag.dem.bed import Advanced, Bed, Memory, advance
 from liftdrag.dem.compiled import is_cold
 from liftdrag.dem.contacts import Contacts, contacts, forces
 from liftdrag.dem.growth import grown
-from liftdrag.dem.law import Law, hertz_mindlin
+from liftdrag.dem.law import (
+    HertzMindlin,
+    Law,
+    LinearSpring,
+    WaltonBraun,
+    hertz_mindlin,
+    linear_spring,
+    walton_braun,
+)
 from liftdrag.dem.motion import ESCAPED, FINE, NOT_FINITE, TOO_DEEP
 
 __all__ = [
@@ -20,12 +28,17 @@ __all__ = [
     "Advanced",
     "Bed",
     "Contacts",
+    "HertzMindlin",
     "Law",
+    "LinearSpring",
     "Memory",
+    "WaltonBraun",
     "advance",
     "contacts",
     "forces",
     "grown",
     "hertz_mindlin",
     "is_cold",
+    "linear_spring",
+    "walton_braun",
 ]

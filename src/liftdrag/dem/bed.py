@@ -13,12 +13,9 @@ import numpy as np
 
 from liftdrag.dem.forces import Scene
 from liftdrag.dem.law import Law
-from liftdrag.dem.motion import (
-    Bodies,
-    advance_alone,
-    advance_together,
-)
+from liftdrag.dem.motion import advance_alone, advance_together
 from liftdrag.dem.neighbours import Pairs, Parts, WallPairs, neighbours, wall_neighbours
+from liftdrag.dem.planar import Bodies, Box
 from liftdrag.dem.shapes import Discs, Ellipses, PaperEllipses, Shape
 
 NO_WALLS = (-np.inf, np.inf, -np.inf, np.inf)
@@ -135,7 +132,7 @@ def advance(
     order = spatial_order(bed)
     inside = _permuted(bed, order)
     shape, bodies, parts, scene = arrays(inside)
-    walls = np.array(bed.walls, float)
+    walls = Box(np.array(bed.walls, float))
     pairs = neighbours(parts, scene.place, skin, law, pairs_of(inside))
     wall_pairs = wall_neighbours(parts, scene.place, skin, law, walls, wall_pairs_of(inside))
     own_watched = -1 if watched < 0 else int(np.flatnonzero(order == watched)[0])
@@ -147,7 +144,6 @@ def advance(
         scene,
         law,
         walls,
-        bool(bed.contact != "disc" or bed.offset.any()),
         pairs,
         wall_pairs,
         time_step,
@@ -242,6 +238,7 @@ def arrays(bed: Bed) -> tuple[Shape, Bodies, Parts, Scene]:
         1.0 / bed.inertia,
         np.searchsorted(bed.body, np.arange(len(bed.mass) + 1)),
         np.ascontiguousarray(bed.offset),
+        bool(bed.contact != "disc" or bed.offset.any()),
     )
     owner = np.where(np.isfinite(bed.mass), np.arange(len(bed.mass)), -1)[bed.body]
     parts = Parts(a, bed.radius, bed.mass[bed.body], owner)
@@ -249,7 +246,7 @@ def arrays(bed: Bed) -> tuple[Shape, Bodies, Parts, Scene]:
     ox, oy = (bed.place - bed.position[bed.body]).T
     vx, vy = bed.velocity[bed.body].T
     scene = Scene(
-        np.column_stack([bed.place, a]),
+        np.column_stack([bed.place, np.zeros(len(a)), a]),
         np.column_stack([vx - spin * oy, vy + spin * ox, spin]),
         np.column_stack([np.cos(angle), np.sin(angle)]),
     )
@@ -269,21 +266,23 @@ def pairs_of(bed: Bed) -> Pairs:
     first = np.searchsorted(memory.pair[order, 0], np.arange(len(bed.body) + 1))
     other = memory.pair[order, 1].astype(np.int32)
     unused = np.zeros(len(order))
-    return Pairs(first, other, memory.stretch[order], memory.search[order], unused, unused)
+    stretch = memory.stretch[order][:, None]
+    return Pairs(first, other, stretch, memory.search[order], unused, unused)
 
 
 def wall_pairs_of(bed: Bed) -> WallPairs:
     part, wall = np.ascontiguousarray(bed.memory.wall_pair.T.astype(np.int32))
     unused = np.zeros(len(part))
-    return WallPairs(part, wall, bed.memory.wall_stretch, unused, unused)
+    stretch, nothing = bed.memory.wall_stretch[:, None], np.zeros((len(part), 0))
+    return WallPairs(part, wall, stretch, nothing, unused, unused)
 
 
 def _memory(pairs: Pairs, wall_pairs: WallPairs) -> Memory:
     part = np.repeat(np.arange(len(pairs.first) - 1), np.diff(pairs.first))
     return Memory(
         np.column_stack([part, pairs.other]).astype(np.int64),
-        pairs.stretch,
+        pairs.stretch[:, 0],
         pairs.memory,
         np.column_stack([wall_pairs.part, wall_pairs.wall]).astype(np.int64),
-        wall_pairs.stretch,
+        wall_pairs.stretch[:, 0],
     )

@@ -8,9 +8,10 @@ import numpy as np
 
 from liftdrag.dem.bed import Bed, arrays, pairs_of, wall_pairs_of
 from liftdrag.dem.compiled import compiled
-from liftdrag.dem.forces import near_pairs, pair_forces, wall_forces
+from liftdrag.dem.forces import near_pairs, pair_forces, room_for_meetings, wall_forces
 from liftdrag.dem.law import Law
-from liftdrag.dem.neighbours import neighbours, room_for_meetings, wall_neighbours
+from liftdrag.dem.neighbours import neighbours, wall_neighbours
+from liftdrag.dem.planar import Box
 from liftdrag.dem.shapes import meet
 
 CONCENTRIC = 1e-3
@@ -45,7 +46,7 @@ def contacts(bed: Bed, law: Law) -> Contacts:
 @compiled()
 def _met(shape, place, axis, pairs):
     meetings = room_for_meetings(pairs)
-    end = near_pairs(place, pairs, meetings, 0, len(place), 0)
+    end = near_pairs(shape, place, pairs, meetings, 0, len(place), 0)
     meet(shape, place, axis, pairs.memory, meetings, 0, end)
     return meetings, end
 
@@ -68,7 +69,7 @@ def forces(bed: Bed, law: Law) -> np.ndarray:
     contacts(bed, law)
     shape, _, parts, scene = arrays(bed)
     pairs = neighbours(parts, scene.place, 0.0, law, pairs_of(bed))
-    walls = np.array(bed.walls)
+    walls = Box(np.array(bed.walls))
     wall_pairs = wall_neighbours(parts, scene.place, 0.0, law, walls, wall_pairs_of(bed))
     on_parts = _summed(shape, scene, parts.radius, law, walls, pairs, wall_pairs)
     arm = bed.place - bed.position[bed.body]
@@ -84,5 +85,6 @@ def _summed(shape, scene, radius, law, walls, pairs, wall_pairs):
     force, load = np.zeros((n, 3)), np.zeros(4)
     meetings = room_for_meetings(pairs)
     pair_forces(shape, scene, radius, law, 0.0, pairs, meetings, 0, n, force)
-    wall_forces(shape, scene, radius, law, 0.0, walls, wall_pairs, force, load)
+    count = len(wall_pairs.part)
+    wall_forces(shape, scene, radius, law, 0.0, walls, wall_pairs, 0, count, force, load)
     return force

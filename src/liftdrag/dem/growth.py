@@ -12,7 +12,7 @@ import numpy as np
 from liftdrag.dem.bed import Bed, Memory, advance
 from liftdrag.dem.compiled import compiled
 from liftdrag.dem.contacts import contacts, forces
-from liftdrag.dem.law import Law
+from liftdrag.dem.law import HertzMindlin
 from liftdrag.dem.motion import FINE
 
 SMALL = (0.5, 0.35, 0.25)
@@ -42,7 +42,7 @@ CRUSHED = 0.5
 MOST_TRIES = 1000
 
 
-def grown(bed: Bed, law: Law, time_step: float, damping_rate: float, seed: int) -> Bed:
+def grown(bed: Bed, law: HertzMindlin, time_step: float, damping_rate: float, seed: int) -> Bed:
     """The bed packed at random between its walls, at rest, without memory of contacts.
 
     What still moves after REST_STAGES is stopped where it is.
@@ -77,14 +77,14 @@ def _stilled(bed: Bed) -> Bed:
     return replace(bed, velocity=still, spin=np.zeros_like(bed.spin), memory=Memory())
 
 
-def _refuse_crushed(bed: Bed, law: Law) -> None:
+def _refuse_crushed(bed: Bed, law: HertzMindlin) -> None:
     found = contacts(bed, law)
     smaller = bed.radius[found.pair].min(axis=1)
     if (found.depth > CRUSHED * smaller).any():
         raise ValueError("the grains do not fit into the box: they would crush each other")
 
 
-def _rests(bed: Bed, law: Law) -> bool:
+def _rests(bed: Bed, law: HertzMindlin) -> bool:
     """Whether the contacts of a bed, were it still, balance."""
     still = _stilled(bed)
     net = forces(still, law)[np.isfinite(bed.mass), :2]
@@ -98,7 +98,7 @@ def _rests(bed: Bed, law: Law) -> bool:
 
 
 def _stage(
-    bed: Bed, size: float, law: Law, time_step: float, damping_rate: float, stages: int = 1
+    bed: Bed, size: float, law: HertzMindlin, time_step: float, damping_rate: float, stages: int = 1
 ) -> Bed:
     """The bed some steps later with its grains at this share of their size."""
     steps = stages * STAGE_STEPS

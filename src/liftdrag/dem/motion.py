@@ -1,41 +1,26 @@
 """Velocity Verlet: the bodies forward in time, and what is sampled on the way.
 
 The two half kicks between one drift and the next are given at once. Velocities in the contacts
-are those half a step before the positions, as in LAMMPS and LIGGGHTS.
+are those half a step before the positions, as in LAMMPS and LIGGGHTS. What the bodies are, in
+`planar` or `spheres`, says how they are moved.
 """
 
 from __future__ import annotations
 
 from math import isfinite
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import prange
 
 from liftdrag.dem.compiled import compiled
-from liftdrag.dem.forces import pair_forces, wall_forces
-from liftdrag.dem.neighbours import Pairs, neighbours, room_for_meetings, wall_neighbours
+from liftdrag.dem.forces import pair_forces, room_for_meetings, wall_forces
+from liftdrag.dem.neighbours import Pairs, WallPairs, neighbours, wall_neighbours
 from liftdrag.dem.shapes import Meetings
 
-
-class Bodies(NamedTuple):
-    """Rigid bodies: `position` and `velocity` (b, 2), `angle` and `spin` (b,), one over mass and
-    inertia (b,), zero for a driven one; and their parts: body k owns the parts from `first[k]`
-    to `first[k + 1]`, at `offset` (p, 2) from its centre when its angle is zero."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    angle: np.ndarray
-    spin: np.ndarray
-    mobility: np.ndarray
-    turnability: np.ndarray
-    first: np.ndarray
-    offset: np.ndarray
-
-
 SAMPLES = 11
-"""Columns of a row of samples: force on the watched body (x, y, torque), push on the walls (left,
-right, bottom, top), kinetic and elastic energy, deepest overlap, lists rebuilt."""
+"""Columns of a row of samples: force on the watched body (x, y, torque), load on the walls (4),
+kinetic and elastic energy, deepest overlap, lists rebuilt."""
 
 FARTHEST = 1e100
 """Coordinate (m) beyond which a part is nowhere."""
@@ -43,113 +28,61 @@ FARTHEST = 1e100
 FINE, TOO_DEEP, NOT_FINITE, ESCAPED = 0, 1, 2, 3
 
 
-@compiled()
-def _drift(bodies, scene, forces, turning, kick, time_step, damping, low, high, origin):
+def drift(
+    bodies: Any,
+    scene: Any,
+    forces: Any,
+    kick: float,
+    time_step: float,
+    damping: float,
+    low: int,
+    high: int,
+    origin: Any,
+) -> Any:
     """Kick and move the bodies low to high, place their parts, and clear the forces.
 
-    `turning` says whether the axes of the parts matter. Returns the largest squared distance
-    of a part from its `origin`.
+    Returns the largest squared distance of a part from its `origin`.
     """
-    place, move, axis = scene
-    position, velocity, angle, spins, mobility, turnability, first, offset = bodies
-    force = forces[0]
-    farthest = 0.0
-    for k in range(low, high):
-        fx, fy, torque = _gathered(first, position, place, force, k)
-        slow = damping if mobility[k] > 0.0 else 1.0
-        vx = slow * (velocity[k, 0] + kick * fx * mobility[k])
-        vy = slow * (velocity[k, 1] + kick * fy * mobility[k])
-        spin = slow * (spins[k] + kick * torque * turnability[k])
-        velocity[k, 0], velocity[k, 1], spins[k] = vx, vy, spin
-        x, y = position[k, 0] + vx * time_step, position[k, 1] + vy * time_step
-        position[k, 0], position[k, 1] = x, y
-        angle[k] += spin * time_step
-        c, s = 1.0, 0.0
-        if turning:
-            c, s = _turned(axis[first[k], 0], axis[first[k], 1], spin * time_step)
-        for p in range(first[k], first[k + 1]):
-            ox, oy = 0.0, 0.0
-            if turning:
-                ox = c * offset[p, 0] - s * offset[p, 1]
-                oy = s * offset[p, 0] + c * offset[p, 1]
-                axis[p, 0], axis[p, 1] = c, s
-            place[p, 0], place[p, 1] = x + ox, y + oy
-            move[p, 0], move[p, 1], move[p, 2] = vx - spin * oy, vy + spin * ox, spin
-            dx, dy = place[p, 0] - origin[p, 0], place[p, 1] - origin[p, 1]
-            farthest = max(farthest, dx * dx + dy * dy)
-            force[p, 0], force[p, 1], force[p, 2] = 0.0, 0.0, 0.0
-    return farthest
+    raise NotImplementedError("this is compiled")
+
+
+def gathered(bodies: Any, scene: Any, force: Any, k: int) -> Any:
+    """Force (x, y) and torque on body k from its parts."""
+    raise NotImplementedError("this is compiled")
+
+
+def close(bodies: Any, scene: Any, force: Any, kick: float) -> None:
+    """The half kick that brings the velocities to the time of the positions."""
+    raise NotImplementedError("this is compiled")
+
+
+def kinetic(bodies: Any, scene: Any, force: Any, kick: float) -> Any:
+    """Kinetic energy (J) of the free bodies at the time of the positions."""
+    raise NotImplementedError("this is compiled")
+
+
+def inside(walls: Any, place: Any) -> Any:
+    """FINE where all parts are between the walls, else ESCAPED."""
+    raise NotImplementedError("this is compiled")
 
 
 @compiled()
 def _reduce(forces, low, high):
     """The sum over the threads of the forces on the parts low to high, into the first's."""
-    for t in range(1, len(forces)):
+    for t in range(1, forces.shape[0]):
         for p in range(low, high):
-            for m in range(3):
+            for m in range(forces.shape[2]):
                 forces[0, p, m] += forces[t, p, m]
                 forces[t, p, m] = 0.0
-
-
-@compiled()
-def _gathered(first, position, place, force, k):
-    """Force and torque on body k from its parts."""
-    fx, fy, torque = 0.0, 0.0, 0.0
-    for p in range(first[k], first[k + 1]):
-        px, py = force[p, 0], force[p, 1]
-        fx += px
-        fy += py
-        torque += force[p, 2]
-        torque += (place[p, 0] - position[k, 0]) * py - (place[p, 1] - position[k, 1]) * px
-    return fx, fy, torque
-
-
-@compiled()
-def _turned(c, s, angle):
-    """A direction turned by a small angle: a rotation to rounding, its angle to the fifth order."""
-    half = 0.5 * angle
-    half += half * half * half * (1.0 / 3.0)
-    square = half * half
-    scale = 1.0 - square + square * square if square < 1e-6 else 1.0 / (1.0 + square)
-    c1, s1 = (1.0 - square) * scale, 2.0 * half * scale
-    return c * c1 - s * s1, s * c1 + c * s1
-
-
-@compiled()
-def _close(bodies, scene, force, kick):
-    """The half kick that brings the velocities to the time of the positions."""
-    position, velocity, _, spins, mobility, turnability, first, _ = bodies
-    place = scene.place
-    for k in range(len(spins)):
-        fx, fy, torque = _gathered(first, position, place, force, k)
-        velocity[k, 0] += kick * fx * mobility[k]
-        velocity[k, 1] += kick * fy * mobility[k]
-        spins[k] += kick * torque * turnability[k]
-
-
-@compiled()
-def _kinetic(bodies, scene, force, kick):
-    """Kinetic energy (J) of the free bodies at the time of the positions."""
-    position, velocity, _, spins, mobility, turnability, first, _ = bodies
-    place, energy = scene.place, 0.0
-    for k in range(len(spins)):
-        fx, fy, torque = _gathered(first, position, place, force, k)
-        if mobility[k] > 0.0:
-            vx = velocity[k, 0] + kick * fx * mobility[k]
-            vy = velocity[k, 1] + kick * fy * mobility[k]
-            energy += 0.5 * (vx * vx + vy * vy) / mobility[k]
-        if turnability[k] > 0.0:
-            spin = spins[k] + kick * torque * turnability[k]
-            energy += 0.5 * spin * spin / turnability[k]
-    return energy
 
 
 @compiled()
 def _placed(place):
     """Whether every part is somewhere."""
     for i in range(len(place)):
-        if not (abs(place[i, 0]) < FARTHEST and abs(place[i, 1]) < FARTHEST):
-            return False
+        for a in range(3):
+            if not abs(place[i, a]) < FARTHEST:
+                return False
     return True
 
 
@@ -160,12 +93,7 @@ def _verdict(place, walls, deepest, bound, energy):
         return NOT_FINITE
     if deepest > bound:
         return TOO_DEEP
-    for i in range(len(place)):
-        if place[i, 0] < walls[0] or place[i, 0] > walls[1]:
-            return ESCAPED
-        if place[i, 1] < walls[2] or place[i, 1] > walls[3]:
-            return ESCAPED
-    return FINE
+    return inside(walls, place)
 
 
 def _advance(
@@ -175,7 +103,6 @@ def _advance(
     scene,
     law,
     walls,
-    turning,
     pairs,
     wall_pairs,
     time_step,
@@ -193,23 +120,23 @@ def _advance(
     pairs with their memory, and FINE or the reason why it stopped. Energies and the deepest
     overlap of a row are those at its end, and the largest.
     """
-    n, count = len(parts.bound), len(bodies.angle)
-    force, load = np.zeros((threads, n, 3)), np.zeros(4)
+    n, count = len(parts.bound), len(bodies.mobility)
+    force, load = np.zeros((threads, n, scene.move.shape[1])), np.zeros((threads, 4))
     energies, depths = np.zeros(threads), np.zeros(threads)
     farthest = np.zeros(threads)
     origin, meetings = scene.place.copy(), room_for_meetings(pairs)
     chunk = _chunks(pairs.first, threads)
+    wall_chunk = np.searchsorted(wall_pairs.part, chunk)
     share, share_of_parts = _shares(count, threads), _shares(n, threads)
     samples = np.zeros((rows, SAMPLES))
     kick, rebuilt, step_time, status, done = 0.5 * time_step, 0, 0.0, FINE, 0
     for step in range(rows * row_every + 1):
         if step > 0:
             for t in prange(threads):
-                farthest[t] = _drift(
+                farthest[t] = drift(
                     bodies,
                     scene,
                     force,
-                    turning,
                     kick,
                     time_step,
                     damping,
@@ -227,10 +154,12 @@ def _advance(
                 wall_pairs = wall_neighbours(parts, scene.place, skin, law, walls, wall_pairs)
                 origin[:] = scene.place
                 chunk = _chunks(pairs.first, threads)
+                wall_chunk = np.searchsorted(wall_pairs.part, chunk)
                 rebuilt += 1
         listed, met = Pairs(*pairs), Meetings(*meetings)
+        at_walls = WallPairs(*wall_pairs)
         for t in prange(threads):
-            energies[t], depths[t] = pair_forces(
+            energy, deepest = pair_forces(
                 shape,
                 scene,
                 parts.radius,
@@ -242,38 +171,47 @@ def _advance(
                 chunk[t + 1],
                 force[t],
             )
+            wall_energy, wall_deepest = wall_forces(
+                shape,
+                scene,
+                parts.radius,
+                law,
+                step_time,
+                walls,
+                at_walls,
+                wall_chunk[t],
+                wall_chunk[t + 1],
+                force[t],
+                load[t],
+            )
+            energies[t], depths[t] = energy + wall_energy, max(deepest, wall_deepest)
         if threads > 1:
             for t in prange(threads):
                 _reduce(force, share_of_parts[t], share_of_parts[t + 1])
-        energy, deepest = wall_forces(
-            shape, scene, parts.radius, law, step_time, walls, wall_pairs, force[0], load
-        )
         if step == 0:
             load[:] = 0.0
             continue
         row = (step - 1) // row_every
         sample = samples[row]
         if watched >= 0:
-            fx, fy, torque = _gathered(
-                bodies.first, bodies.position, scene.place, force[0], watched
-            )
+            fx, fy, torque = gathered(bodies, scene, force[0], watched)
             sample[0] += fx
             sample[1] += fy
             sample[2] += torque
-        sample[9] = max(sample[9], max(deepest, depths.max()))
+        sample[9] = max(sample[9], depths.max())
         if step % row_every == 0:
             sample[0:3] /= row_every
-            sample[3:7] = load / row_every
+            sample[3:7] = load.sum(axis=0) / row_every
             load[:] = 0.0
-            sample[7] = _kinetic(bodies, scene, force[0], 0.5 * time_step)
-            sample[8] = energy + energies.sum()
+            sample[7] = kinetic(bodies, scene, force[0], 0.5 * time_step)
+            sample[8] = energies.sum()
             sample[10] = rebuilt
             done = row + 1
             status = _verdict(scene.place, walls, sample[9], bound, sample[7])
             if status != FINE:
                 break
     if rows > 0:
-        _close(bodies, scene, force[0], 0.5 * time_step)
+        close(bodies, scene, force[0], 0.5 * time_step)
     return samples, done, pairs, wall_pairs, status
 
 

@@ -11,7 +11,15 @@ from liftdrag.numerics.tank import TankNumerics
 from liftdrag.numerics.value import Numerics, Value, explained
 from liftdrag.scene import Drag2DScene, JanssenScene, Scene, TankScene
 
-__all__ = ["Drag2DNumerics", "JanssenNumerics", "Numerics", "TankNumerics", "Value", "derive", "explained"]
+__all__ = [
+    "Drag2DNumerics",
+    "JanssenNumerics",
+    "Numerics",
+    "TankNumerics",
+    "Value",
+    "derive",
+    "explained",
+]
 
 
 @overload

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil, exp, inf, pi, sqrt
+from math import ceil, inf, pi, sqrt
 
 from liftdrag import granular, hertz
 from liftdrag.errors import CaseError, at_most
@@ -347,9 +347,7 @@ def _inertial_number(scene: JanssenScene) -> Value[float]:
         deepest = min(deepest, scene.tube.diameter / (4.0 * scene.tube.friction))
     pressure = weight * deepest + scene.lid_mass * GRAVITY / scene.tube.section
     rate = (scene.drive.speed or 0.0) / scene.grains.diameter
-    number = granular.inertial_number(
-        rate, scene.grains.diameter, pressure, scene.grains.density
-    )
+    number = granular.inertial_number(rate, scene.grains.diameter, pressure, scene.grains.density)
     return Value(number, "1", "(v/d) d / sqrt(P/rho_g), P what the wall bears")
 
 

@@ -7,12 +7,12 @@ from math import sqrt
 
 import numpy as np
 
-from liftdrag.dem import Bed, Law, grown, hertz_mindlin
+from liftdrag.dem import Bed, HertzMindlin, grown, hertz_mindlin
 from liftdrag.errors import CaseError
 from liftdrag.scene import Drag2DScene
 
 
-def law_of(scene: Drag2DScene) -> Law:
+def law_of(scene: Drag2DScene) -> HertzMindlin:
     """The contact law of the grains with each other, the walls and the cylinder."""
     grains = scene.grains
     return hertz_mindlin(

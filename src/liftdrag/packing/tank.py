@@ -1,9 +1,6 @@
-"""The initial bed, made without pouring.
+"""The initial bed of a tank, about its cylinder and on its bottom layer, made without pouring.
 
-Grains start at random inside the volume that the settled bed will fill and are
-pushed apart as soft, frictionless spheres until their overlaps have all but
-vanished. Below random close packing (0.64) this takes a few hundred sweeps and
-leaves an amorphous bed that the engine has only to settle, not to pour.
+Grains start at random inside the volume that the settled bed will fill, and are pushed apart.
 """
 
 from __future__ import annotations
@@ -14,9 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from liftdrag.errors import InputError
-
-TOLERANCE = 2e-3
-MAX_SWEEPS = 4000
+from liftdrag.packing.relaxation import TooTight, relaxed
 
 
 @dataclass(frozen=True)
@@ -34,6 +29,38 @@ class Container:
     axis: tuple[float, float]
     radius: float
     floor: np.ndarray
+
+    @property
+    def period(self) -> np.ndarray:
+        """Periods (3,), none along z."""
+        return np.array([self.length, self.thickness, 0.0])
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """The grains (m, 3) that do not move."""
+        return self.floor
+
+    def near(self, centres: np.ndarray, reach: float) -> np.ndarray:
+        """Pairs (p, 2) of the centres nearer than `reach`."""
+        every = centres.copy()
+        every[:, :2] %= self.period[:2]
+        every[:, 2] += 1.0
+        tree = cKDTree(every, boxsize=np.array([self.length, self.thickness, 4.0 * self.top + 8.0]))
+        return np.asarray(tree.query_pairs(reach, output_type="ndarray"))
+
+    def push(self, x: np.ndarray, force: np.ndarray) -> float:
+        """Add the forces of floor, ceiling and cylinder; returns the largest overlap."""
+        below = np.maximum(self.bottom - x[:, 2], 0.0)
+        above = np.maximum(x[:, 2] - (self.top - 0.5), 0.0)
+        force[:, 2] += below - above
+        dx = x[:, 0] - self.axis[0]
+        dx -= self.length * np.rint(dx / self.length)
+        dz = x[:, 2] - self.axis[1]
+        distance = np.maximum(np.hypot(dx, dz), 1e-12)
+        inside = np.maximum(self.radius + 0.5 - distance, 0.0)
+        force[:, 0] += inside * dx / distance
+        force[:, 2] += inside * dz / distance
+        return float(max(below.max(), above.max(), inside.max()))
 
 
 def square_layer(length: float, thickness: float, height: float) -> np.ndarray:
@@ -53,10 +80,15 @@ def random_bed(container: Container, count: int, rng: np.random.Generator) -> np
     """Centres (count, 3) of a dense random bed, in grain diameters.
 
     No two grains, nor a grain and the floor or the cylinder, overlap by more
-    than `TOLERANCE` diameters. Raises InputError when the grains do not fit.
+    than `relaxation.TOLERANCE` diameters. Raises InputError when the grains do not fit.
     """
-    start = _scatter(container, count, rng)
-    return _Relaxation(container, start).run()
+    try:
+        return relaxed(container, _scatter(container, count, rng))
+    except TooTight as error:
+        raise InputError(
+            f"The bed cannot be packed: its {count} {error}; "
+            "make the tank larger about the cylinder."
+        ) from None
 
 
 def _scatter(box: Container, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -73,93 +105,3 @@ def _scatter(box: Container, count: int, rng: np.random.Generator) -> np.ndarray
         if len(points) >= count:
             return rng.permutation(points)[:count]
         spacing *= 0.99
-
-
-class _Relaxation:
-    """Inertial relaxation (FIRE) of harmonic spheres of diameter one."""
-
-    skin = 0.35
-
-    def __init__(self, box: Container, centres: np.ndarray):
-        self.box = box
-        self.x = centres
-        self.period = np.array([box.length, box.thickness, 0.0])
-        self._find_pairs()
-
-    def run(self) -> np.ndarray:
-        velocity = np.zeros_like(self.x)
-        step, alpha, downhill = 0.1, 0.1, 0
-        for _ in range(MAX_SWEEPS):
-            force, worst = self._forces()
-            if worst < TOLERANCE:
-                return self._wrapped()
-            power = np.vdot(force, velocity)
-            if power > 0.0:
-                downhill += 1
-                if downhill > 5:
-                    step, alpha = min(1.1 * step, 0.5), 0.99 * alpha
-            else:
-                velocity[:] = 0.0
-                step, alpha, downhill = max(0.5 * step, 0.05), 0.1, 0
-            velocity += step * force
-            scale = np.linalg.norm(velocity) / max(float(np.linalg.norm(force)), 1e-300)
-            velocity = (1.0 - alpha) * velocity + alpha * scale * force
-            move = np.clip(step * velocity, -0.1, 0.1)
-            self.x += move
-            self._follow(move)
-        raise InputError(
-            f"The bed cannot be packed: its {len(self.x)} grains still overlap by {worst:.2g} d; "
-            "make the tank larger about the cylinder."
-        )
-
-    def _wrapped(self) -> np.ndarray:
-        x = self.x.copy()
-        x[:, :2] %= self.period[:2]
-        return x
-
-    def _follow(self, move: np.ndarray) -> None:
-        self.moved += np.sqrt((move**2).sum(axis=1).max())
-        if self.moved > self.skin / 2:
-            self._find_pairs()
-
-    def _find_pairs(self) -> None:
-        """Neighbour pairs (i, j) of mobile grains, then of mobile grains and the floor."""
-        box = self.box
-        every = np.concatenate([self.x, box.floor])
-        every[:, :2] %= self.period[:2]
-        every[:, 2] += 1.0
-        tree = cKDTree(every, boxsize=np.array([box.length, box.thickness, 4.0 * box.top + 8.0]))
-        pairs = tree.query_pairs(1.0 + self.skin, output_type="ndarray")
-        self.i, self.j = pairs[pairs.min(axis=1) < len(self.x)].T
-        self.moved = 0.0
-
-    def _forces(self) -> tuple[np.ndarray, float]:
-        n = len(self.x)
-        every = np.concatenate([self.x, self.box.floor])
-        r = every[self.i] - every[self.j]
-        r[:, :2] -= self.period[:2] * np.rint(r[:, :2] / self.period[:2])
-        distance = np.sqrt((r * r).sum(axis=1))
-        touching = distance < 1.0
-        i, j, r, distance = self.i[touching], self.j[touching], r[touching], distance[touching]
-        push = r * ((1.0 - distance) / np.maximum(distance, 1e-12))[:, None]
-        force = np.empty((n, 3))
-        for axis in range(3):
-            every_force = np.bincount(i, push[:, axis], len(every))
-            every_force -= np.bincount(j, push[:, axis], len(every))
-            force[:, axis] = every_force[:n]
-        worst = float((1.0 - distance).max(initial=0.0))
-        return force, max(worst, self._add_walls(force))
-
-    def _add_walls(self, force: np.ndarray) -> float:
-        box, x = self.box, self.x
-        below = np.maximum(box.bottom - x[:, 2], 0.0)
-        above = np.maximum(x[:, 2] - (box.top - 0.5), 0.0)
-        force[:, 2] += below - above
-        dx = x[:, 0] - box.axis[0]
-        dx -= box.length * np.rint(dx / box.length)
-        dz = x[:, 2] - box.axis[1]
-        distance = np.maximum(np.hypot(dx, dz), 1e-12)
-        inside = np.maximum(box.radius + 0.5 - distance, 0.0)
-        force[:, 0] += inside * dx / distance
-        force[:, 2] += inside * dz / distance
-        return float(max(below.max(), above.max(), inside.max()))

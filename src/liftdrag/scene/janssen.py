@@ -6,7 +6,7 @@ piston moves slowly against the tube, so that the friction of the wall is mobili
 
 from __future__ import annotations
 
-from math import pi
+from math import hypot, log, pi, sqrt
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -23,6 +23,9 @@ LOOSEST = 0.55
 """Solid fraction of the loosest settled column, which is the highest."""
 
 MOST_GRAINS = 5_000_000
+
+TANGENTIAL_RATIO = 2.0 / 7.0
+"""Tangential over normal stiffness of the linear contact."""
 
 ContactLaw = Literal["linear", "hertz", "walton-braun"]
 
@@ -49,6 +52,11 @@ class TubeGrains(Part):
     def mass(self) -> float:
         """Mass of a grain, kg."""
         return self.density * granular.sphere_volume(self.diameter)
+
+    def dashpot(self, stiffness: float, effective_mass: float) -> float:
+        """Damping (kg/s) that gives a linear spring (N/m) the restitution, at this mass (kg)."""
+        lost = -log(self.restitution)
+        return 2.0 * lost / hypot(pi, lost) * sqrt(stiffness * effective_mass)
 
     def hertz_stiffness(self, youngs_modulus: float) -> float:
         """Hertz stiffness (N/m^1.5) of two grains of this modulus, Pa."""
@@ -239,7 +247,7 @@ def _check_fill(scene: JanssenScene) -> None:
         raise CaseError(
             key,
             given,
-            f"this fills {height:.4g} m where loose, and the tube is {scene.tube.height:.4g} m high",
+            f"this is {height:.4g} m high where loose, and the tube {scene.tube.height:.4g} m",
             f"make it at most {at_most(share * (given or 0.0))}, or raise tube.height",
         )
 
