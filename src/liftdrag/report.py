@@ -24,7 +24,7 @@ _MEANINGS = {
     "drag_coefficient": "drag / (rho g h~ D L)",
     "lift_coefficient": "lift / (rho g pi D^2/4 L)",
     "drag_coefficient_overburden": "drag / (measured overburden x D L)",
-    "solid_fraction": "of the far bed",
+    "solid_fraction": "of the far bed, or the column's bulk",
     "depth": "of the axis below the far surface",
     "effective_depth": "h~, depth and lid",
     "overburden": "weight above the axis per area, far",
@@ -39,6 +39,18 @@ _MEANINGS = {
     "pressure_top": "on the wall ahead",
     "irregularity": "displacement not affine, over d",
     "overlap_ratio": "deepest, of the smaller radius",
+    "apparent_mass": "load on the piston / g, last fill",
+    "weight_balance": "(piston + tube) / weight",
+    "saturation_mass": "by the one-parameter form",
+    "hydrostatic_cap": "M_0 of the two-parameter form",
+    "chi_square": "one-parameter form, per degree of freedom",
+    "janssen_ratio": "K of the fit, wall friction taken as mobilised",
+    "janssen_ratio_mobilised": "that over the mobilised share",
+    "janssen_ratio_direct": "wall normal / vertical stress, contacts",
+    "mobilised_friction": "tube's force / (mu_w x normal force)",
+    "wall_mobilisation": "mean of |T|/(mu_w N) at the wall",
+    "wall_sliding": "share of wall contacts at the limit",
+    "wall_rolling": "spin x d/2 over the speed, at the wall",
 }
 
 

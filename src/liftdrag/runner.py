@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from liftdrag import ensemble
+from liftdrag import ensemble, piston
 from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case
 from liftdrag.deck import Deck
@@ -18,14 +17,15 @@ from liftdrag.deck.drag2d import check_shape
 from liftdrag.deck.tank import build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import spatial
-from liftdrag.engines.base import Engine, Outcome, Progress, silent
+from liftdrag.engines.base import Engine, Progress, silent
 from liftdrag.engines.probes import TANK, Probe, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
+from liftdrag.execution import carried_out
 from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
-from liftdrag.result import Result, answered, begun, cost, provenance
-from liftdrag.scene import Drag2DScene, TankScene
+from liftdrag.result import Result, answered, provenance
+from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 from liftdrag.series import Series
 from liftdrag.trust import trusted
 from liftdrag.version import VERSION
@@ -86,8 +86,9 @@ def run(
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
-    The engine is LAMMPS for a tank, `dem` in the plane, unless named; the ranks are one for a
-    tank, and as many as there are cores for an ensemble, whose runs are spread over them.
+    The engine is LAMMPS for a tank and a piston, `dem` in the plane and for contacts that no
+    other engine has, unless named; the ranks are one for a tank and a piston (threads of `dem`),
+    and as many as there are cores for an ensemble, whose runs are spread over them.
     Under `mpirun` the job's ranks are used. The folder keeps the deck, the series,
     the pictures and `result.json`, and with `dump` a trajectory; by default it is
     a new one below `runs/`. The engine is probed first, with the grains of the case;
@@ -99,19 +100,28 @@ def run(
     if ranks is not None:
         _check_ranks(ranks)
     if isinstance(case.scene, Drag2DScene):
-        if dump:
-            raise InputError(
-                "--dump is for a tank; the moments of each packing are kept in any case."
-            )
+        _refuse_dump(dump, "the moments of each packing are kept in any case")
         return ensemble.run(case, chosen, out, ranks, progress, ignore_probes)
+    if isinstance(case.scene, JanssenScene):
+        _refuse_dump(dump, "a column leaves its profiles")
+        return piston.run(case, chosen, out, ranks or 1, progress, ignore_probes)
     return _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes)
+
+
+def _refuse_dump(dump: bool, instead: str) -> None:
+    if dump:
+        raise InputError(f"--dump is for a tank; {instead}.")
 
 
 def engine_for(case: Case, name: str | None, path: str | Path | None = None) -> Engine:
     """The engine of this name, or that of the case's scene. Raises InputError."""
-    planar = isinstance(case.scene, Drag2DScene)
-    chosen, place = name or ("dem" if planar else "lammps"), None if path is None else Path(path)
-    return engine_called(chosen, place) if planar else spatial(chosen, place)
+    scene, place = case.scene, None if path is None else Path(path)
+    if isinstance(scene, TankScene):
+        return spatial(name or "lammps", place)
+    usual = "dem"
+    if isinstance(scene, JanssenScene) and scene.grains.contact != "walton-braun":
+        usual = "lammps"
+    return engine_called(name or usual, place)
 
 
 def _run_tank(
@@ -138,7 +148,8 @@ def _run_tank(
     except BaseException:
         chosen.release()
         raise
-    return _conclude(folder, case, record, *_timed(chosen, record, folder, progress))
+    _, result = carried_out(chosen, record, folder, progress)
+    return _answered(folder, case, record, result)
 
 
 def build_deck(
@@ -161,6 +172,11 @@ def build_deck(
         if chosen.dialect is not IN_HOUSE:
             here = f"cd {ensemble.packing_folder(Path(), 0)} && {program} -in in.drag2d"
         return folder, explained(planar), here
+    if isinstance(case.scene, JanssenScene):
+        _check_ranks(ranks)
+        folder, filled, plan = piston.write_decks(case, chosen, ranks, out)
+        here = f"{program} ." if chosen.dialect is IN_HOUSE else f"{program} -in {plan.start}"
+        return folder, explained(filled), here
     numerics, deck = prepare(case, ranks, dialect=chosen.dialect)
     folder = fresh(out, case.name, "decks")
     write_deck(case, numerics, deck, chosen.name, folder)
@@ -176,38 +192,9 @@ def analyze(folder: Path) -> Result:
     case = Case(record.case, record.tables)
     if isinstance(case.scene, Drag2DScene):
         return ensemble.answered(folder, case.scene, record, old)
+    if isinstance(case.scene, JanssenScene):
+        return piston.answered(folder, case.scene, record, old)
     return _answered(folder, case, record, old)
-
-
-def _timed(
-    chosen: Engine, record: Record, folder: Path, progress: Progress
-) -> tuple[Outcome, float]:
-    start = time.monotonic()
-    try:
-        outcome = chosen.run(record.plan, folder, progress)
-    except KeyboardInterrupt:
-        failure = RunFailed("killed", f"The run in {folder} was interrupted.")
-    except RunFailed as error:
-        failure = error
-    else:
-        return outcome, time.monotonic() - start
-    write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
-    raise failure from None
-
-
-def _conclude(folder: Path, case: Case, record: Record, outcome: Outcome, wall_s: float) -> Result:
-    finished = outcome.status == "finished"
-    reasons = [] if finished else [outcome.reason]
-    result = begun(record, outcome.status, reasons) | cost(outcome, wall_s)
-    result["engine"] |= {
-        "version": outcome.version,
-        "path": str(outcome.path),
-        "ranks": outcome.ranks,
-    }
-    write_json(folder / RESULT, result)
-    if not finished:
-        raise RunFailed(outcome.status, f"{outcome.status}: {outcome.reason}.", outcome.evidence)
-    return _answered(folder, case, record, result)
 
 
 def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -> Result:

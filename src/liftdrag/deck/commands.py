@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator
 
 ALLOWED = frozenset(
-    """atom_modify atom_style boundary comm_modify communicate compute dimension dump dump_modify
-    fix group hard_particles if label neigh_modify neighbor newton pair_coeff pair_style print
-    processors read_data region reset_timestep run soft_particles thermo thermo_modify
-    thermo_style timestep unfix units variable velocity write_dump""".split()
+    """atom_modify atom_style boundary comm_modify communicate compute dimension displace_atoms
+    dump dump_modify fix group hard_particles if label neigh_modify neighbor newton pair_coeff
+    pair_style print processors read_data region reset_timestep run soft_particles thermo
+    thermo_modify thermo_style timestep unfix units variable velocity write_dump""".split()
 )
 """The only engine commands a deck may hold: none that runs programs or includes other decks."""
 
@@ -17,14 +17,19 @@ ALLOWED_IN_IF = frozenset({"print", "quit", "jump"})
 """The only commands that an `if` of a deck may run."""
 
 STYLES = {
-    "variable": (2, {"index", "equal"}),
-    "compute": (3, {"reduce", "reduce/region", "ke"}),
+    "variable": (2, {"atom", "index", "equal"}),
+    "compute": (
+        3,
+        {"chunk/atom", "ke", "property/atom", "reduce", "reduce/region", "stress/atom"},
+    ),
+    "displace_atoms": (2, {"move"}),
     "dump": (3, {"custom"}),
     "fix": (
         3,
         set(
-            """ave/time check/timestep/gran enforce2d gravity halt move nve/sphere property/atom
-            property/global rigid rigid/small viscous wall/gran wall/gran/region""".split()
+            """ave/chunk ave/spatial ave/time check/timestep/gran enforce2d gravity halt move
+            nve/sphere property/atom property/global rigid rigid/small viscous wall/gran
+            wall/gran/region""".split()
         ),
     ),
 }

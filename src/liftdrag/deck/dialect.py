@@ -26,8 +26,9 @@ LEAST_RESTITUTION = 0.05
 class Contact:
     """The contact law between grains, and between a grain and the wall.
 
-    `youngs_modulus` in Pa; `radius` of a grain and `wall_radius`, of a convex
-    cylinder, in m. A `rigid` wall does not deform, another is of the grains' material.
+    `youngs_modulus` in Pa; `radius` of a grain and `wall_radius`, of a convex cylinder or,
+    negative, of a concave one, in m. A `rigid` wall does not deform, another is of the
+    grains' material.
     """
 
     youngs_modulus: float

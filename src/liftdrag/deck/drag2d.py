@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from liftdrag.deck import planar
 from liftdrag.deck.dialect import IN_HOUSE, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
+from liftdrag.deck.tables import table
 from liftdrag.dem import Bed
 from liftdrag.errors import CaseError, InputError
 from liftdrag.numerics import Drag2DNumerics
@@ -83,8 +83,8 @@ def _in_house(scene: Drag2DScene, numerics: Drag2DNumerics, bed: Bed) -> Deck:
         row_every=numerics.row_every.value,
         series={"series.csv": CHANNELS},
     )
-    text = _toml("contact", IN_HOUSE.numbers(contact_of(scene), 1))
-    text += _toml(
+    text = table("contact", IN_HOUSE.numbers(contact_of(scene), 1))
+    text += table(
         "run",
         {
             "time_step": numerics.time_step.value,
@@ -102,10 +102,6 @@ _HEAD = """# One packing of a closed bed, for the in-house engine of liftdrag (S
 # bed.npz holds the grains; the last body is the cylinder. numerics.txt gives the reasons.
 # By hand: python -m liftdrag.engines.dem FOLDER
 """
-
-
-def _toml(table: str, values: dict[str, Any]) -> str:
-    return f"\n[{table}]\n" + "".join(f"{key} = {value!r}\n" for key, value in values.items())
 
 
 def bed_file(bed: Bed) -> bytes:

@@ -1,11 +1,13 @@
-"""The in-house engine: two-dimensional grains of any shape; arrays in, samples out.
+"""The in-house engine: grains of any shape in the plane, spheres in a tube; arrays in, samples out.
 
-`law` is the contact law, a scalar function; `ellipse` and `shapes` are the geometry; `forces`
-loops over the contacts, `neighbours` lists them, `motion` integrates. `bed` is what a user of the
-engine holds, `growth` packs it, `contacts` looks at it.
+`law` holds the contact laws, scalar functions; `forces` loops over the contacts, `neighbours`
+lists them, `motion` integrates. `planar` says what all three need to know of bodies in the plane,
+whose geometry is in `ellipse` and `shapes`, `spheres` what of spheres. What a user of the engine
+holds is a `bed`, which `growth` packs and `contacts` looks at, or a `column`, and `touching`.
 """
 
 from liftdrag.dem.bed import Advanced, Bed, Memory, advance
+from liftdrag.dem.column import Column, ColumnMemory, Fallen, fall
 from liftdrag.dem.compiled import is_cold
 from liftdrag.dem.contacts import Contacts, contacts, forces
 from liftdrag.dem.growth import grown
@@ -19,6 +21,8 @@ from liftdrag.dem.law import (
     walton_braun,
 )
 from liftdrag.dem.motion import ESCAPED, FINE, NOT_FINITE, TOO_DEEP
+from liftdrag.dem.spheres import TubeWalls
+from liftdrag.dem.touching import Touching, touching
 
 __all__ = [
     "ESCAPED",
@@ -27,18 +31,25 @@ __all__ = [
     "TOO_DEEP",
     "Advanced",
     "Bed",
+    "Column",
+    "ColumnMemory",
     "Contacts",
+    "Fallen",
     "HertzMindlin",
     "Law",
     "LinearSpring",
     "Memory",
+    "Touching",
+    "TubeWalls",
     "WaltonBraun",
     "advance",
     "contacts",
+    "fall",
     "forces",
     "grown",
     "hertz_mindlin",
     "is_cold",
     "linear_spring",
+    "touching",
     "walton_braun",
 ]

@@ -51,7 +51,7 @@ class Box(NamedTuple):
     at: np.ndarray
 
 
-@overload(forget, inline="always")
+@overload(forget)
 def _forget(shape, stretch, memory, k):
     if shape.instance_class not in PLANAR:
         return None

@@ -67,7 +67,7 @@ def touch(
     raise NotImplementedError("this is compiled")
 
 
-@overload(touch, inline="always")
+@overload(touch)
 def _touch(
     law, friction, spring, dashpot, depth, parting, normal, slip, stretch, memory, k, time_step
 ):
@@ -144,7 +144,7 @@ def turned_across(x, y, z, normal):
     )
 
 
-@overload(forget, inline="always")
+@overload(forget)
 def _forget(shape, stretch, memory, k):
     if shape.instance_class is not Spheres:
         return None

@@ -40,10 +40,10 @@ def engine(name: str, path: Path | None = None) -> Engine:
 
 
 def spatial(name: str, path: Path | None = None) -> Engine:
-    """The engine called `name`, of those that compute in space. Raises InputError as above."""
+    """The engine called `name`, of those that hold a tank. Raises InputError as above."""
     if name == "dem":
         raise InputError(
-            f"The engine dem computes in the plane, not in space; choose one of "
+            f"The engine dem has beds in the plane and columns in a tube, no tank; choose one of "
             f"{', '.join(ENGINES)}."
         )
     return engine(name, path)

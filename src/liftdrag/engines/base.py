@@ -12,6 +12,7 @@ import numpy as np
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import Dialect
 from liftdrag.engines.mpi import World
+from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 
@@ -97,3 +98,9 @@ class Engine(Protocol):
 
     def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
         """The beds of the drive stage, in order of time; the first is the settled bed."""
+
+    def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
+        """The profiles of a column from the first step on, in order of time.
+
+        Raises ValueError when what the engine wrote is damaged.
+        """

@@ -16,7 +16,9 @@ from liftdrag.deck.dialect import Dialect
 from liftdrag.engines import checks, mpi, process
 from liftdrag.engines.base import About, Outcome, Progress
 from liftdrag.engines.log import LogTail
+from liftdrag.engines.profiles import read_profiles
 from liftdrag.errors import RunFailed
+from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 from liftdrag.tables import column, read_table
@@ -145,6 +147,10 @@ class Family(ABC):
         """Those of `surface.dump`."""
         for step, rows in read_dump(folder / "surface.dump"):
             yield step * plan.time_step, rows[:, 0]
+
+    def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
+        """Those of `profile.dat`."""
+        return read_profiles(folder / "profile.dat", plan.time_step)
 
 
 def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:

@@ -100,7 +100,7 @@ class _Relaxation:
         n, period = len(self.x), self.room.period
         every = np.concatenate([self.x, self.room.fixed])
         r = every[self.i] - every[self.j]
-        for axis in np.flatnonzero(period):
+        for axis in map(int, np.flatnonzero(period)):
             r[:, axis] -= period[axis] * np.rint(r[:, axis] / period[axis])
         distance = np.sqrt((r * r).sum(axis=1))
         touching = distance < 1.0

@@ -1,0 +1,48 @@
+"""What the in-house engine samples: a table in a run's folder, and how the run ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from liftdrag import dem
+from liftdrag.series import Series
+from liftdrag.tables import column, read_table
+
+SERIES = "series.csv"
+
+
+@dataclass(frozen=True)
+class Ran:
+    """How a run ended: `status` of `dem`, steps done, deepest overlap over the smaller radius."""
+
+    status: int
+    steps: int
+    deepest: float
+
+    @property
+    def evidence(self) -> str:
+        """What it said last, where it did not finish."""
+        if self.status == dem.FINE:
+            return ""
+        return (
+            f"stopped after step {self.steps}, the deepest overlap {self.deepest:.3g} of the "
+            "smaller radius"
+        )
+
+
+def write_samples(folder: Path, channels: Iterable[str], interval: float, rows: np.ndarray) -> None:
+    """Write the rows (r, c), one every `interval` (s), a column for each channel."""
+    moment = np.arange(1, len(rows) + 1) * interval
+    head = ",".join(["time", *channels])
+    table = np.column_stack([moment, rows])
+    np.savetxt(folder / SERIES, table, fmt="%.10g", delimiter=",", header=head, comments="")
+
+
+def read_samples(folder: Path, channels: dict[str, str]) -> Series:
+    """The series of these channels with their units."""
+    table = read_table(folder / SERIES, "csv")
+    return Series(column(table, "time"), {name: column(table, name) for name in channels}, channels)

@@ -1,0 +1,169 @@
+"""A Janssen piston, from a case to its result: a column filled level by level, and weighed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+from liftdrag.analysis.janssen import (
+    FillWindow,
+    JanssenAnswers,
+    answers,
+    write_curve,
+    write_profile,
+)
+from liftdrag.case import Case
+from liftdrag.deck import Deck, Plan
+from liftdrag.deck.column import contact_of
+from liftdrag.deck.dialect import IN_HOUSE, Dialect
+from liftdrag.deck.janssen import build, check_contact
+from liftdrag.dem import is_cold
+from liftdrag.engines import engine as engine_called
+from liftdrag.engines.base import Engine, Progress, silent
+from liftdrag.engines.probes import PLANAR, Probe, Subject
+from liftdrag.errors import InputError, RunFailed
+from liftdrag.execution import carried_out
+from liftdrag.folder import RESULT, Record, fresh, write_json
+from liftdrag.numerics import JanssenNumerics, derive, explained
+from liftdrag.packing.tube import packed_column
+from liftdrag.pictures import janssen as pictures
+from liftdrag.result import Result, provenance
+from liftdrag.result import answered as quantities_of
+from liftdrag.scene import JanssenScene
+from liftdrag.series import Series
+from liftdrag.trust import trusted
+from liftdrag.version import VERSION
+
+FILES = (RESULT, "curve.csv", "curve.png", "profile.csv", "profile.png", "series.csv")
+
+
+def prepare(case: Case, dialect: Dialect, ranks: int = 1) -> tuple[JanssenNumerics, Deck]:
+    """The numerics and the deck of a piston. Raises InputError for a bad case."""
+    scene = scene_of(case)
+    if dialect is not IN_HOUSE:
+        check_contact(scene, dialect)
+    numerics = derive(scene, ranks)
+    column = packed_column(scene)
+    return numerics, build(scene, numerics, column, case.name, VERSION, ranks, dialect)
+
+
+def scene_of(case: Case) -> JanssenScene:
+    """The scene of the case. Raises InputError when it is another."""
+    if not isinstance(case.scene, JanssenScene):
+        raise InputError(f"The case {case.name} is no piston; its scene is {case.scene.scene}.")
+    return case.scene
+
+
+def write_decks(
+    case: Case, engine: Engine, ranks: int, out: str | Path | None
+) -> tuple[Path, JanssenNumerics, Plan]:
+    """The deck of a piston in a folder. Raises InputError before anything is written."""
+    numerics, deck = prepare(case, engine.dialect, ranks)
+    folder = fresh(out, case.name, "decks")
+    _write(case, numerics, deck, engine.name, folder, (), ())
+    return folder, numerics, deck.plan
+
+
+def run(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None = None,
+    ranks: int = 1,
+    progress: Progress = silent,
+    ignore_probes: Sequence[str] = (),
+) -> Result:
+    """Fill the tube on so many ranks, or threads of the in-house engine, and answer.
+
+    Raises InputError before anything is started, RunFailed when the engine does not finish.
+    """
+    world = engine.world()
+    own = engine.dialect is IN_HOUSE
+    if own and world.size > 1:
+        raise InputError(
+            "The engine dem fills a tube on the threads of one process; start it without mpiexec "
+            "and with --ranks N."
+        )
+    if world.rank > 0:
+        engine.join()
+    try:
+        engine.check(ranks)
+        ranks = world.size if world.size > 1 else ranks
+        found, alarms = _probed(scene_of(case), engine, ignore_probes)
+        progress("compile" if own and is_cold() else "packing", 0, 1)
+        numerics, deck = prepare(case, engine.dialect, ranks)
+        folder = fresh(out, case.name)
+        record = _write(case, numerics, deck, engine.name, folder, found, alarms)
+    except BaseException:
+        engine.release()
+        raise
+    _, result = carried_out(engine, record, folder, progress)
+    work = sum(fill[0] * (fill[3] - fill[1]) for fill in deck.plan.fills)
+    result["grain_steps_per_s"] *= work / (result["grains"] * result["steps"])
+    return answered(folder, scene_of(case), record, result)
+
+
+def _probed(
+    scene: JanssenScene, engine: Engine, ignored: Sequence[str]
+) -> tuple[list[Probe], list[str]]:
+    """What is known of the engine's Hertz contacts; other laws are judged by the run itself."""
+    if scene.grains.contact != "hertz" or engine.dialect is IN_HOUSE:
+        return [], []
+    modulus = derive(scene).stiffness.value
+    return trusted(
+        engine, Subject(contact_of(scene, modulus), scene.grains.density), PLANAR, ignored
+    )
+
+
+def _write(
+    case: Case,
+    numerics: JanssenNumerics,
+    deck: Deck,
+    engine: str,
+    folder: Path,
+    probes: Sequence[Probe],
+    alarms: Sequence[str],
+) -> Record:
+    deck.write(folder)
+    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
+    warnings = list(numerics.warnings)
+    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, made, list(alarms))
+    record.write(folder)
+    return record
+
+
+def answered(folder: Path, scene: JanssenScene, record: Record, result: dict[str, Any]) -> Result:
+    """The answers from the files in the folder, written to `result.json`, tables and pictures."""
+    series, found = _read(folder, scene, record)
+    warnings = [*record.alarms, *found.warnings, *record.warnings]
+    result = result | quantities_of(found.quantities) | found.to_dict() | {"warnings": warnings}
+    try:
+        write_json(folder / RESULT, result)
+        series.to_pandas().to_csv(folder / "series.csv")
+        write_curve(scene, found, folder / "curve.csv")
+        write_profile(found, folder / "profile.csv")
+        pictures.draw_curve(scene, found, folder / "curve.png")
+        pictures.draw_profile(scene, found, folder / "profile.png")
+    except (OSError, RunFailed) as error:
+        result["warnings"] = [f"Nothing was written to {folder}: {error}", *warnings]
+    return Result(folder, result, found.quantities, series, None, FILES)
+
+
+def _read(folder: Path, scene: JanssenScene, record: Record) -> tuple[Series, JanssenAnswers]:
+    """The series and the answers. Raises InputError when the engine's files are damaged."""
+    engine, plan = engine_called(record.engine), record.plan
+    fills = [
+        FillWindow(count, mobilised * plan.time_step, end * plan.time_step)
+        for count, _, mobilised, end in plan.fills
+    ]
+    try:
+        series = engine.series(plan, folder)
+        return series, answers(scene, series, list(engine.profiles(plan, folder)), fills)
+    except InputError:
+        raise
+    except (OSError, ValueError, LookupError, EOFError, BadZipFile) as error:
+        raise InputError(
+            f"The files in {folder} are damaged ({error}); run the case again."
+        ) from error
