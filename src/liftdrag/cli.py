@@ -156,7 +156,7 @@ def run(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Run a case and answer with averages and their standard errors: drag and lift, or a curve."""
+    """Run a case and answer with averages and standard errors: drag and lift, or a curve."""
     from liftdrag.progress import reported
     from liftdrag.runner import run as run_case
 

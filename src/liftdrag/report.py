@@ -81,19 +81,35 @@ def _cells(quantity: Quantity) -> Iterator[str]:
 
 
 def run_table(found: Studied) -> Table:
-    """The runs of a study: drag and its scatter, how irregular the flow was, the pressure."""
+    """The runs of a study, and of each the quantities that tell most."""
     from rich.table import Table
 
     result = Table(title=found.plan.title)
     result.add_column("run")
-    for name in _STUDIED:
+    known = {name for one in found.results.values() for name in one.quantities}
+    studied = [name for name in _STUDIED if name in known]
+    for name in studied:
         result.add_column(name, overflow="fold")
     for name, one in found.results.items():
-        result.add_row(name, *(_with_error(one.quantities[quantity]) for quantity in _STUDIED))
+        cells = (one.quantities.get(quantity) for quantity in studied)
+        result.add_row(name, *("-" if cell is None else _with_error(cell) for cell in cells))
     return result
 
 
-_STUDIED = ("drag", "drag_deviation", "drag_fluctuation", "rest_pressure", "irregularity")
+_STUDIED = (
+    "drag",
+    "drag_deviation",
+    "drag_fluctuation",
+    "rest_pressure",
+    "irregularity",
+    "apparent_mass",
+    "saturation_mass",
+    "janssen_ratio",
+    "janssen_ratio_mobilised",
+    "mobilised_friction",
+    "wall_sliding",
+    "wall_rolling",
+)
 
 
 def _with_error(quantity: Quantity) -> str:

@@ -11,27 +11,64 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from liftdrag.analysis.claims import Finding, difference, within
+from liftdrag.analysis.claims import (
+    Finding,
+    difference,
+    difference_of_means,
+    within,
+    within_of_means,
+)
+from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case, load, parse, read_text, with_settings
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Progress, silent
 from liftdrag.errors import CaseError, InputError, RunFailed, shown
 from liftdrag.folder import RECORD, RESULT, read_json
-from liftdrag.pictures.study import draw_bars
+from liftdrag.pictures.study import draw_against, draw_bars
 from liftdrag.result import Result
 from liftdrag.runner import analyze, run
-from liftdrag.scene import Drag2DScene
 from liftdrag.scene.model import Part
 
 ENDING = ".study"
 
-Each = Literal["drag", "lift", "drag_fluctuation", "rest_pressure", "irregularity"]
-"""The quantities that each packing has, whatever the engine."""
+PACKINGS = "packings.csv"
+"""The table that an ensemble writes of its packings."""
+
+
+KNOWN = {
+    "drag2d": ("drag", "lift", "drag_fluctuation", "rest_pressure", "irregularity"),
+    "janssen": (
+        "apparent_mass",
+        "weight_balance",
+        "solid_fraction",
+        "saturation_mass",
+        "hydrostatic_cap",
+        "chi_square",
+        "janssen_ratio",
+        "janssen_ratio_mobilised",
+        "janssen_ratio_direct",
+        "mobilised_friction",
+        "wall_mobilisation",
+        "wall_sliding",
+        "wall_rolling",
+    ),
+    "tank": ("drag", "lift", "drag_coefficient", "lift_coefficient", "solid_fraction"),
+}
+"""What a study may claim or draw of each scene, whatever the engine."""
+
+
+def _known(name: str) -> str:
+    if not any(name in names for names in KNOWN.values()):
+        raise ValueError(f"no scene has a quantity {shown(name)}")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_known)]
 
 
 class Run(Part):
@@ -42,28 +79,36 @@ class Run(Part):
 
 
 class Claim(Part):
-    """That the drag of `larger` exceeds that of `smaller`, or differs by at most `within` of it."""
+    """That a quantity of `larger` exceeds that of `smaller`, or differs by at most `within` of it.
+
+    Of ensembles it is a quantity that each packing has.
+    """
 
     says: str
     larger: str
     smaller: str
     within: Annotated[float, Field(gt=0.0)] | None = None
-    quantity: Each = "drag"
+    quantity: Name = "drag"
 
 
 class Picture(Part):
-    """Bars of a quantity, a group for each list of runs, written to `file`."""
+    """Bars of a quantity, a group for each list of runs, written to `file`.
+
+    With `against`, a key of the cases, points at its values instead, a line for each group.
+    """
 
     file: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+\.png$")]
     title: str
-    groups: Annotated[list[list[str]], Field(min_length=1)]
-    quantity: Each = "drag"
+    groups: Annotated[list[Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
+    against: str | None = None
+    quantity: Name = "drag"
 
 
 class Plan(Part):
-    """A study file as read."""
+    """A study file as read; `engine` is that of all its runs, the usual one when absent."""
 
     title: str
+    engine: str | None = None
     set: dict[str, Any] = Field(default_factory=dict)
     runs: Annotated[
         dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")], Run], Field(min_length=1)
@@ -140,18 +185,19 @@ def sweep(
         raise InputError("A study runs its cases one by one; start it without mpiexec.")
     plan = read(study)
     cases = {name: _case(plan, one, settings or []) for name, one in plan.runs.items()}
+    _check_quantities(plan, cases)
     folder = Path(out) if out is not None else _default_folder(study)
     results = dict[str, Result]()
     for done, (name, case) in enumerate(cases.items()):
         progress("cases", done, len(cases))
         results[name] = _finished(folder / name, case) or run(
-            case, folder / name, ranks=jobs, progress=silent
+            case, folder / name, plan.engine, jobs, progress=silent
         )
     progress("cases", len(cases), len(cases))
     findings = [(claim, _found(claim, results)) for claim in plan.claims]
     try:
         _write(folder, results, findings)
-        _draw(folder, plan, results)
+        _draw(folder, plan, cases, results)
     except OSError as error:
         status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
         raise RunFailed(status, f"Nothing was written to {folder}: {error.strerror}.") from None
@@ -168,9 +214,26 @@ def _case(plan: Plan, one: Run, settings: list[str]) -> Case:
     for key, value in (plan.set | one.set).items():
         case = case.set(key, value)
     case = with_settings(case, settings)
-    if not isinstance(case.scene, Drag2DScene):
-        raise InputError(f"The case {one.case} is no ensemble; a study is of those.")
+    case.scene  # noqa: B018 - a bad case is refused before anything else
     return case
+
+
+def _check_quantities(plan: Plan, cases: Mapping[str, Case]) -> None:
+    """Raise InputError for what a run will not have."""
+    asked = [(claim.quantity, [claim.larger, claim.smaller]) for claim in plan.claims]
+    for picture in plan.pictures:
+        drawn = [name for group in picture.groups for name in group]
+        asked.append((picture.quantity, drawn))
+        for name in drawn if picture.against else ():
+            _value(cases[name], picture.against or "")
+    for quantity, names in asked:
+        for name in names:
+            scene = cases[name].scene.scene
+            if quantity not in KNOWN[scene]:
+                raise InputError(
+                    f"The run {name} of the study is a {scene}, which has no {quantity}; choose "
+                    f"one of {', '.join(KNOWN[scene])}."
+                )
 
 
 def _finished(folder: Path, case: Case) -> Result | None:
@@ -197,28 +260,65 @@ def _is_finished(folder: Path, case: Case) -> bool:
 
 
 def _found(claim: Claim, results: Mapping[str, Result]) -> Finding:
-    larger, smaller = (
-        _each(results[name], claim.quantity) for name in (claim.larger, claim.smaller)
-    )
+    larger, smaller = results[claim.larger], results[claim.smaller]
+    one, other = (_quantity(result, claim.quantity) for result in (larger, smaller))
+    if not _is_ensemble(larger) or not _is_ensemble(smaller):
+        if claim.within is not None:
+            return within_of_means(one, other, claim.within)
+        return difference_of_means(one, other)
+    many, others = (_each(result, claim.quantity) for result in (larger, smaller))
     if claim.within is not None:
-        return within(larger, smaller, claim.within)
-    return difference(larger, smaller, results[claim.larger].quantities[claim.quantity].unit)
+        return within(many, others, claim.within)
+    return difference(many, others, one.unit)
+
+
+def _quantity(result: Result, name: str) -> Quantity:
+    if name not in result.quantities:
+        raise InputError(
+            f"The run in {result.folder} has no {shown(name)}; it has "
+            f"{', '.join(result.quantities)}."
+        )
+    return result.quantities[name]
+
+
+def _is_ensemble(result: Result) -> bool:
+    return (result.folder / PACKINGS).exists()
 
 
 def _each(result: Result, quantity: str) -> np.ndarray:
     """The quantity of each packing (n,), from the table that the run wrote."""
     import pandas as pd
 
-    table = pd.read_csv(result.folder / "packings.csv")
-    unit = result.quantities[quantity].unit
-    return table[f"{quantity} ({unit})"].to_numpy(float)
+    table, unit = pd.read_csv(result.folder / PACKINGS), result.quantities[quantity].unit
+    column = f"{quantity} ({unit})"
+    if column not in table:
+        raise InputError(f"The packings in {result.folder} have no {quantity} each.")
+    return table[column].to_numpy(float)
 
 
-def _draw(folder: Path, plan: Plan, results: Mapping[str, Result]) -> None:
+def _draw(
+    folder: Path, plan: Plan, cases: Mapping[str, Case], results: Mapping[str, Result]
+) -> None:
     for picture in plan.pictures:
-        quantities = {name: result.quantities[picture.quantity] for name, result in results.items()}
+        drawn = [name for group in picture.groups for name in group]
+        found = {name: _quantity(results[name], picture.quantity) for name in drawn}
         path = folder / picture.file
-        draw_bars(picture.title, picture.groups, picture.quantity, quantities, path)
+        if picture.against is None:
+            draw_bars(picture.title, picture.groups, picture.quantity, found, path)
+        else:
+            places = {name: _value(cases[name], picture.against) for name in drawn}
+            axis = picture.against
+            draw_against(picture.title, picture.groups, axis, places, picture.quantity, found, path)
+
+
+def _value(case: Case, key: str) -> float:
+    """What the case has at a dotted key, in SI units. Raises InputError when it is no number."""
+    found: Any = case.scene
+    for name in key.split("."):
+        found = getattr(found, name, None)
+    if not isinstance(found, int | float):
+        raise InputError(f"The case {case.name} has no number at {shown(key)} to draw against.")
+    return float(found)
 
 
 def _write(

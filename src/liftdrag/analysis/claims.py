@@ -8,6 +8,8 @@ from math import hypot, sqrt
 import numpy as np
 from scipy import stats
 
+from liftdrag.analysis.quantity import Quantity
+
 LEVEL = 0.05
 """p-value from which on a claim is undecided."""
 
@@ -16,7 +18,8 @@ LEVEL = 0.05
 class Finding:
     """`size` and `standard_error` in `unit`, the two-sided `p_value`, and a word for it.
 
-    `verdict`: supported, contradicted or undecided; `packings` are those of both sides.
+    `verdict`: supported, contradicted or undecided; `packings` are those of both sides, one
+    where a side is a single run.
     """
 
     size: float
@@ -53,6 +56,34 @@ def within(one: np.ndarray, other: np.ndarray, share: float) -> Finding:
     p = _welch(one, bound * other)[2]
     verdict = _verdict(p, abs(ratio - 1.0) < share)
     return Finding(ratio - 1.0, error, "1", p, (len(one), len(other)), verdict)
+
+
+def difference_of_means(one: Quantity, other: Quantity) -> Finding:
+    """The claim that `one` is larger than `other`, two means with errors: the normal test."""
+    size, error = one.mean - other.mean, hypot(one.standard_error, other.standard_error)
+    p = _normal(size, error)
+    return Finding(size, error, one.unit, p, (1, 1), _verdict(p, size > 0.0))
+
+
+def within_of_means(one: Quantity, other: Quantity, share: float) -> Finding:
+    """The claim that `one` differs from `other` by at most a share: as `within`, the normal test.
+
+    Raises ValueError when `other` is zero.
+    """
+    if other.mean == 0.0:
+        raise ValueError("a relative difference from zero has no meaning")
+    ratio, scale = one.mean / other.mean, abs(other.mean)
+    error = hypot(one.standard_error, ratio * other.standard_error) / scale
+    bound = 1.0 + (share if ratio > 1.0 else -share)
+    p = _normal(
+        one.mean - bound * other.mean, hypot(one.standard_error, bound * other.standard_error)
+    )
+    return Finding(ratio - 1.0, error, "1", p, (1, 1), _verdict(p, abs(ratio - 1.0) < share))
+
+
+def _normal(size: float, error: float) -> float:
+    """The two-sided p-value of a normal variable of this size being zero."""
+    return float(2.0 * stats.norm.sf(abs(size) / error)) if error else float(size == 0.0)
 
 
 def _welch(one: np.ndarray, other: np.ndarray) -> tuple[float, float, float]:

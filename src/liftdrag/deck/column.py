@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from io import StringIO
 from math import ceil, sqrt
@@ -12,7 +13,7 @@ import numpy as np
 
 from liftdrag import granular
 from liftdrag.deck.commands import check_commands
-from liftdrag.deck.dialect import IN_HOUSE, LIGGGHTS, Contact, Dialect
+from liftdrag.deck.dialect import IN_HOUSE, LAMMPS_2021, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
@@ -77,6 +78,13 @@ def check_contact(scene: JanssenScene, dialect: Dialect) -> None:
             f"{dialect.name} has no Walton-Braun contact",
             'choose --engine dem, or grains.contact = "linear"',
         )
+    if contact == "hertz" and dialect is LAMMPS_2021:
+        raise CaseError(
+            "grains.contact",
+            contact,
+            f"{dialect.name} damps Hertz walls differently at each run of a deck",
+            'choose another --engine, or grains.contact = "linear"',
+        )
     if contact == "hertz":
         dialect.numbers(contact_of(scene, 1.0), TYPES)
 
@@ -100,7 +108,9 @@ def _context(
     law = _linear if scene.grains.contact == "linear" else _hertz
     context = law(scene, numerics.stiffness.value, dialect)
     context |= _set_up(scene, numerics, column) | _steps(numerics) | _bounds(numerics)
-    return {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
+    words = {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
+    fills = [render("fill.j2", words | fill) for fill in _fills(numerics)]
+    return words | {"fills": "".join(fills)}
 
 
 def _plain(value: Any) -> Any:
@@ -155,13 +165,11 @@ def _hertz(scene: JanssenScene, modulus: float, dialect: Dialect) -> dict[str, A
             "frictions": _words(_frictions(scene)),
             "tube_tangential_damping": wall["tangential_damping"],
         }
-    return context | {
-        "tube_modulus": wall["wall_modulus"],
-        "tube_tangential": wall["wall_tangential"],
-    }
+    return context | {"tube_modulus": wall["wall_modulus"]}
 
 
 def contact_of(scene: JanssenScene, modulus: float) -> Contact:
+    """The contacts of Hertz between the grains, of a modulus in Pa."""
     grains = scene.grains
     return Contact(
         youngs_modulus=modulus,
@@ -213,7 +221,9 @@ def _steps(numerics: JanssenNumerics) -> dict[str, Any]:
     return values | {
         "samples": values["row_every"] // values["sample_every"],
         "profiles": values["block_every"] // values["profile_every"],
-        "levels": _levels(numerics),
+        "first_count": numerics.levels[0].count,
+        "filled": len(numerics.levels) > 1,
+        "drive_steps": numerics.levels[-1].end,
     }
 
 
@@ -227,23 +237,22 @@ def _bounds(numerics: JanssenNumerics) -> dict[str, float]:
     return {"rayleigh_bound": bound, "hertz_bound": 2.0 * bound}
 
 
-def _levels(numerics: JanssenNumerics) -> list[dict[str, int]]:
+def _fills(numerics: JanssenNumerics) -> Iterator[dict[str, int]]:
     """Each level's first and last grain, its first and last step, and the steps of its phases."""
-    levels, first = [], 1
-    for level in numerics.levels:
-        levels.append(
-            {
-                "first": first,
-                "last": level.count,
-                "start": level.start,
-                "end": level.end,
-                "settle": level.settled - level.start,
-                "mobilise": level.mobilised - level.settled,
-                "average": level.end - level.mobilised,
-            }
-        )
+    first = 1
+    for number, level in enumerate(numerics.levels, start=1):
+        yield {
+            "number": number,
+            "added": number > 1,
+            "first": first,
+            "last": level.count,
+            "start": level.start,
+            "end": level.end,
+            "settle": level.settled - level.start,
+            "mobilise": level.mobilised - level.settled,
+            "average": level.end - level.mobilised,
+        }
         first = level.count + 1
-    return levels
 
 
 def _data_file(scene: JanssenScene, numerics: JanssenNumerics, column: PackedColumn) -> str:

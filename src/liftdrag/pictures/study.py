@@ -36,3 +36,34 @@ def draw_bars(
     axes.set_ylabel(name if unit == "1" else f"{name} ({unit})")
     axes.set_title(title, loc="left", fontsize="medium")
     figure.savefig(path, dpi=150)
+
+
+def draw_against(
+    title: str,
+    groups: Sequence[Sequence[str]],
+    key: str,
+    places: Mapping[str, float],
+    name: str,
+    quantities: Mapping[str, Quantity],
+    path: Path,
+) -> None:
+    """The quantity `name` and its error for each run against its place, a line for each group."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.subplots()
+    for group in groups:
+        runs = sorted(group, key=lambda run: places[run])
+        axes.errorbar(
+            [places[run] for run in runs],
+            [quantities[run].mean for run in runs],
+            [quantities[run].standard_error for run in runs],
+            marker="o",
+            capsize=4.0,
+        )
+    unit = quantities[groups[0][0]].unit
+    axes.set_xlabel(key)
+    axes.set_ylabel(name if unit == "1" else f"{name} ({unit})")
+    axes.set_ylim(bottom=0.0)
+    axes.set_title(title, loc="left", fontsize="medium")
+    figure.savefig(path, dpi=150)
