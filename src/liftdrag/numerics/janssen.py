@@ -237,9 +237,10 @@ def _time_step(scene: JanssenScene, contact: float) -> tuple[Value[float], int, 
         )
     largest = share * contact if chosen is None else chosen
     duration = _duration(scene)
-    sample = max(int(0.5 * contact / largest), 1)
     least = ceil(duration / (ROWS * largest) * (1.0 - 1e-9))
-    row = max(ceil(least / sample) * sample, PROFILES * BLOCKS // ROWS + 1)
+    samples = ceil(least / max(int(0.5 * contact / largest), 1))
+    sample = ceil(least / samples)
+    row = samples * sample
     step = duration / (ROWS * row)
     _check_steps(scene, ROWS * row)
     reason = f"at most {share:.3g} of the contact time" if chosen is None else "set by hand"

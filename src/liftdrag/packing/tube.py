@@ -13,8 +13,14 @@ from liftdrag.errors import CaseError
 from liftdrag.packing.relaxation import TooTight, relaxed
 from liftdrag.scene import JanssenScene
 
-FRACTIONS = (0.56, 0.52, 0.47, 0.42, 0.36, 0.3)
-"""Solid fractions at which a column is packed: the first that its tube has room for."""
+DENSEST = 0.56
+"""Solid fraction at which a column is packed where its tube is wide."""
+
+NARROW = 0.62
+"""The same over (1 - d/(2 D))^2 where it is narrow, and the wall keeps grains away."""
+
+LOOSER = (1.0, 0.9, 0.8, 0.7, 0.6)
+"""Shares of these tried one after another: the first that the tube has room for."""
 
 CLEAR = 1.0
 """Distance in d that the centres of a lid's grains keep from the wall, and from each other."""
@@ -62,9 +68,10 @@ class _Room:
 def packed_column(scene: JanssenScene) -> PackedColumn:
     """The column of a scene as packed, before it settles. Raises CaseError when it cannot be."""
     d, rng = scene.grains.diameter, np.random.default_rng(scene.seed)
-    for fraction in FRACTIONS:
+    fraction = min(DENSEST, NARROW * (1.0 - 0.5 * d / scene.tube.diameter) ** 2)
+    for share in LOOSER:
         try:
-            centres = _packed(scene, fraction, rng)
+            centres = _packed(scene, share * fraction, rng)
         except TooTight:
             continue
         upward = centres[np.argsort(centres[:, 2], kind="stable")] * d
@@ -99,7 +106,8 @@ def _lid(scene: JanssenScene, height: float) -> np.ndarray:
     if scene.overload is None:
         return np.zeros((0, 3))
     d, clear = scene.grains.diameter, scene.tube.diameter / 2.0 - CLEAR * scene.grains.diameter
-    line = np.arange(-int(clear / d), int(clear / d) + 1) * d
+    reach = int(clear / d * (1.0 + 1e-9))
+    line = np.arange(-reach, reach + 1) * d
     x, y = (side.ravel() for side in np.meshgrid(line, line))
     inside = np.hypot(x, y) <= clear * (1.0 + 1e-9)
     return np.column_stack([x[inside], y[inside], np.full(int(inside.sum()), height)])
