@@ -46,7 +46,7 @@ speed = "20 mm/s"
 distance = "0.2 d"
 mobilise = "0.2 d"
 [numerics]
-settle_time = "20 ms"
+settle_time = "60 ms"
 """
 """Some 170 grains in a tube six wide, filled in three steps."""
 
@@ -206,7 +206,7 @@ def test_levels_follow_each_other_in_whole_blocks():
     for level in levels:
         phases = np.diff([level.start, level.settled, level.mobilised, level.end])
         assert (phases % block == 0).all()
-        assert phases[0] * found.time_step.value >= 20e-3
+        assert phases[0] * found.time_step.value >= 60e-3
         assert phases[1] * found.time_step.value >= 0.2 * D / 0.02 * (1 - 1e-9)
         assert phases[2] == ROWS * found.row_every.value == BLOCKS * block
     assert found.row_every.value % found.sample_every.value == 0

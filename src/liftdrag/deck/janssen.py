@@ -23,6 +23,9 @@ START = "column.toml"
 GRAINS = "column.npz"
 """With what: `grains` (n, 3) in order of z, and `lid` (m, 3), centres as packed, m."""
 
+FORCES = "forces.csv"
+"""What it leaves of the CHANNELS."""
+
 CHANNELS = family.CHANNELS | {"elastic": "J", "overlap": "1"}
 """What the in-house engine samples beside the others' channels: the energy of the springs, and
 the deepest overlap over the radius."""
@@ -51,7 +54,7 @@ def build(
         time_step=numerics.time_step.value,
         stages={"drive": numerics.levels[-1].end},
         row_every=numerics.row_every.value,
-        series={"series.csv": CHANNELS},
+        series={FORCES: CHANNELS},
         fills=[(level.count, level.start, level.mobilised, level.end) for level in numerics.levels],
     )
     file = BytesIO()

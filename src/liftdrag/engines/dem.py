@@ -18,8 +18,7 @@ from pydantic import ValidationError
 from liftdrag import dem
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import IN_HOUSE
-from liftdrag.deck.drag2d import CHANNELS, NUMBERS
-from liftdrag.deck.janssen import CHANNELS as COLUMN_CHANNELS
+from liftdrag.deck.drag2d import NUMBERS
 from liftdrag.deck.janssen import START
 from liftdrag.engines import dem_column, dem_planar, mpi
 from liftdrag.engines.base import About, Outcome, Progress, silent
@@ -106,7 +105,8 @@ class InHouse:
 
     def series(self, plan: Plan, folder: Path) -> Series:
         """The samples, time zero where the drive starts."""
-        return read_samples(folder, COLUMN_CHANNELS if plan.fills else CHANNELS)
+        ((name, channels),) = plan.series.items()
+        return read_samples(folder / name, channels)
 
     def surfaces(self, plan: Plan, folder: Path) -> Iterator[tuple[float, np.ndarray]]:
         """None: neither a closed box nor a column has one that is looked at."""

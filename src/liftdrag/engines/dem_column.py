@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from liftdrag import dem
-from liftdrag.deck.janssen import CHANNELS, GRAINS, START
+from liftdrag.deck.janssen import CHANNELS, FORCES, GRAINS, START
 from liftdrag.dem import (
     Column,
     ColumnMemory,
@@ -154,7 +154,7 @@ def run(deck: ColumnDeck, folder: Path, progress: Progress) -> Ran:
     filling = _Filling(deck, progress)
     status = filling.run()
     interval = deck.numbers.run.row_every * deck.numbers.run.time_step
-    write_samples(folder, CHANNELS, interval, filling.rows())
+    write_samples(folder / FORCES, CHANNELS, interval, filling.rows())
     _write_profiles(folder, filling.profiles)
     last = filling.pieces[-1]
     return Ran(status, filling.done, float(last.overlap.max(initial=0.0)))

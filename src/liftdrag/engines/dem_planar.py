@@ -19,6 +19,7 @@ from liftdrag.engines.samples import Ran, write_samples
 from liftdrag.scene.model import Part
 from liftdrag.snapshot import Snapshot
 
+SERIES = "series.csv"
 FRAMES = "frames.npz"
 
 
@@ -92,7 +93,7 @@ def run(deck: PlanarDeck, folder: Path, progress: Progress) -> Ran:
         moments.append(((done + every) * numbers.time_step, bed))
         progress("drive", done + every, steps)
     rows = _rows(pieces)
-    write_samples(folder, CHANNELS, numbers.row_every * numbers.time_step, rows)
+    write_samples(folder / SERIES, CHANNELS, numbers.row_every * numbers.time_step, rows)
     np.savez(folder / FRAMES, allow_pickle=False, **_frames(moments))
     last = pieces[-1]
     deepest = float(last.overlap.max(initial=0.0))

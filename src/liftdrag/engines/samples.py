@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +11,6 @@ import numpy as np
 from liftdrag import dem
 from liftdrag.series import Series
 from liftdrag.tables import column, read_table
-
-SERIES = "series.csv"
 
 
 @dataclass(frozen=True)
@@ -34,15 +32,15 @@ class Ran:
         )
 
 
-def write_samples(folder: Path, channels: Iterable[str], interval: float, rows: np.ndarray) -> None:
+def write_samples(file: Path, channels: Iterable[str], interval: float, rows: np.ndarray) -> None:
     """Write the rows (r, c), one every `interval` (s), a column for each channel."""
     moment = np.arange(1, len(rows) + 1) * interval
     head = ",".join(["time", *channels])
     table = np.column_stack([moment, rows])
-    np.savetxt(folder / SERIES, table, fmt="%.10g", delimiter=",", header=head, comments="")
+    np.savetxt(file, table, fmt="%.10g", delimiter=",", header=head, comments="")
 
 
-def read_samples(folder: Path, channels: dict[str, str]) -> Series:
+def read_samples(file: Path, channels: Mapping[str, str]) -> Series:
     """The series of these channels with their units."""
-    table = read_table(folder / SERIES, "csv")
+    table = read_table(file, "csv")
     return Series(column(table, "time"), {name: column(table, name) for name in channels}, channels)

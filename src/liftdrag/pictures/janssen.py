@@ -124,7 +124,7 @@ def _draw_stresses(
     for name, (stress, error) in measured.items():
         height = MILLI * profile.height
         axes.errorbar(stress, height, xerr=error, color=colours[name], label=name, **POINTS)
-    largest = max(float((stress + error).max()) for stress, error in measured.values())
+    largest = max(float((stress + error).max()) for stress, error in measured.values()) or 1.0
     axes.set(xlabel="stress (Pa)", xlim=(0.0, ROOM * largest))
     if "janssen_ratio_direct" in found.quantities:
         text = f"K = {_text(found.quantities['janssen_ratio_direct'])}, measured in the bulk"
