@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from math import log, pi, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import tiny_tank
 from hypothesis import given
 from hypothesis import strategies as st
 
 from liftdrag import hertz
 from liftdrag.deck.dialect import DIALECTS, LAMMPS, LAMMPS_2021, LIGGGHTS, Contact
 from liftdrag.errors import CaseError
+from liftdrag.runner import prepare
 
 CONTACT = Contact(
     youngs_modulus=5e6, poisson_ratio=0.45, restitution=0.6, friction=0.5, radius=0.75e-3
@@ -242,3 +245,14 @@ def test_dialects_have_names_of_their_own():
         "liggghts",
     ]
     assert [dialect.program for dialect in DIALECTS] == ["lmp", "lmp", "lmp", "liggghts"]
+
+
+@pytest.mark.parametrize("dialect", [LAMMPS, LAMMPS_2021], ids=lambda dialect: dialect.name)
+def test_wall_of_lammps_2021_is_made_anew_before_the_drive(dialect):
+    """It derives the damping of a wall from its last one at each run: 0.53 in a first bounce is
+    0.31 in the second, and 0.53 again for a new wall."""
+    text = prepare(tiny_tank(), 1, dialect=dialect)[1].texts["in.tank"]
+    settle, drive = text.split("# Stage 2")
+    (wall,) = re.findall(r"^fix +wall .*$", settle, re.MULTILINE)
+    again = re.findall(r"^unfix +wall\n(fix +wall .*)$", drive, re.MULTILINE)
+    assert again == ([wall] if dialect is LAMMPS_2021 else [])
