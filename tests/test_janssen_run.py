@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,13 +14,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from test_janssen_scene import D, tiny
+from test_janssen_scene import TINY, D, tiny
 from typer.testing import CliRunner
 
 from liftdrag.analysis.claims import difference_of_means, within_of_means
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.cli import app
-from liftdrag.errors import InputError, RunFailed
+from liftdrag.errors import InputError
 from liftdrag.granular import GRAVITY
 from liftdrag.result import Result
 from liftdrag.runner import analyze, build_deck, run
@@ -209,11 +210,35 @@ def test_latching_contacts_are_run_in_house_unless_asked_otherwise(
     assert result("latching").record["engine"]["name"] == "dem"
 
 
-def test_soft_grains_end_as_an_overlap(tmp_path: Path):
-    with pytest.raises(RunFailed, match="overlap_exceeded"):
-        run(tiny(grains={"stiffness": 1e-2}), tmp_path / "soft", "dem")
-    stored = json.loads((tmp_path / "soft" / "result.json").read_text())
-    assert stored["status"] == "overlap_exceeded"
+def test_interrupted_run_says_so(tmp_path: Path):
+    """A signal that meets compiled code neither ends the process nor is lost."""
+    file = tmp_path / "tiny.toml"
+    file.write_text(TINY)
+    running = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "liftdrag",
+            "run",
+            str(file),
+            "--engine",
+            "dem",
+            "--set",
+            'drive.distance="50 d"',
+            "--out",
+            str(tmp_path / "out"),
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert running.stderr is not None
+    for line in running.stderr:
+        if line.startswith("driving"):
+            break
+    running.send_signal(signal.SIGINT)
+    assert "was interrupted" in running.stderr.read()
+    assert running.wait() == 1
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["status"] == "killed"
 
 
 STUDY = """
@@ -239,8 +264,6 @@ groups = [["rough", "smooth"]]
 
 
 def test_study_of_pistons_weighs_its_claims(tmp_path: Path):
-    from test_janssen_scene import TINY
-
     (tmp_path / "tiny.toml").write_text(TINY)
     file = tmp_path / "friction.study"
     file.write_text(STUDY.format(case=tmp_path / "tiny.toml"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from itertools import pairwise
-from math import e, exp, log, pi, sqrt
+from math import e, exp, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,9 @@ settle_time = "60 ms"
 
 D = 3e-3
 
+FRACTION = 0.62 * (1 - 1 / 12) ** 2
+"""Solid fraction expected in a tube six grains wide."""
+
 
 def tiny(**tables: Any) -> Case:
     """The tiny column, with these keys of its tables changed or, where None, left out."""
@@ -81,7 +84,7 @@ def test_fill_by_mass_or_height():
     height = 20e-3
     by_height = scene_of(fill={"mass": None, "height": height})
     volume = by_height.grain_count * pi * D**3 / 6
-    assert volume / (pi * (6 * D) ** 2 / 4 * height) == pytest.approx(0.6, rel=1e-2)
+    assert volume / (pi * (6 * D) ** 2 / 4 * height) == pytest.approx(FRACTION, rel=1e-2)
     assert scene_of(fill={"curve": False}).counts == (by_mass.grain_count,)
 
 
@@ -139,6 +142,14 @@ def test_bad_input_names_the_key_and_the_remedy(wrong: str):
         ("numerics.time_step", {"numerics": {"time_step": 1e-3}}),
         ("numerics.skin", {"numerics": {"skin": "2 d"}}),
         ("drive.distance", {"drive": {"distance": "9 km"}}),
+        ("drive.distance", {"drive": {"distance": "1e-7 m"}}),
+        ("drive.mobilise", {"drive": {"mobilise": "9 km"}}),
+        ("numerics.settle_time", {"numerics": {"settle_time": 1e5}}),
+        ("grains.stiffness", {"grains": {"stiffness": 1e-2}}),
+        (
+            "fill.mass",
+            {"fill": {"mass": "300 g"}, "tube": {"height": 1}, "drive": {"motion": "piston up"}},
+        ),
     ],
 )
 def test_bad_numerics_name_the_key(key: str, tables: dict[str, Any]):
@@ -162,8 +173,8 @@ def test_janssen_stress_solves_his_equation():
 def test_stiffness_comes_from_the_overlap_bound_under_the_largest_load():
     scene, found = scene_of(), numerics_of()
     beta = 4 * 0.4 * 0.4 / (6 * D)
-    weight = 0.6 * 2500 * GRAVITY
-    depth = scene.grain_count * pi * D**3 / 6 / 0.6 / (pi * (6 * D) ** 2 / 4)
+    weight = FRACTION * 2500 * GRAVITY
+    depth = scene.grain_count * pi * D**3 / 6 / FRACTION / (pi * (6 * D) ** 2 / 4)
     stress = weight / beta * (1 - exp(-beta * depth))
     assert found.largest_stress.value == pytest.approx(stress)
     force = 5 * 0.9 * stress * D**2
@@ -179,7 +190,7 @@ def test_stiffness_comes_from_the_overlap_bound_under_the_largest_load():
 
 def test_upward_load_grows_exponentially():
     down, up = numerics_of(), numerics_of(drive={"motion": "piston up"})
-    beta, weight = 4 * 0.4 * 1.2 / (6 * D), 0.6 * 2500 * GRAVITY
+    beta, weight = 4 * 0.4 * 1.2 / (6 * D), FRACTION * 2500 * GRAVITY
     depth = scene_of().height_of(scene_of().grain_count)
     assert up.largest_stress.value == pytest.approx(weight / beta * (exp(beta * depth) - 1))
     assert up.largest_stress.value > 2 * down.largest_stress.value
@@ -206,7 +217,7 @@ def test_levels_follow_each_other_in_whole_blocks():
     for level in levels:
         phases = np.diff([level.start, level.settled, level.mobilised, level.end])
         assert (phases % block == 0).all()
-        assert phases[0] * found.time_step.value >= 60e-3
+        assert phases[0] * found.time_step.value >= 60e-3 * (1 - 1e-9)
         assert phases[1] * found.time_step.value >= 0.2 * D / 0.02 * (1 - 1e-9)
         assert phases[2] == ROWS * found.row_every.value == BLOCKS * block
     assert found.row_every.value % found.sample_every.value == 0
@@ -219,15 +230,14 @@ def test_warnings_of_the_numerics():
     assert numerics_of(drive={"speed": "10 mm/s"}).warnings == ()
     (fast,) = numerics_of(drive={"speed": "0.5 m/s"}).warnings
     half = scene_of().height_of(scene_of().grain_count) / 2
-    number = granular.inertial_number(0.5 / D, D, 0.6 * 2500 * GRAVITY * half, 2500)
+    number = granular.inertial_number(0.5 / D, D, FRACTION * 2500 * GRAVITY * half, 2500)
     assert fast.startswith("Not quasi-static")
     assert f"{number:.2g}" in fast
     slow = {"speed": "10 mm/s"}
-    (soft,) = numerics_of(grains={"stiffness": 50}, drive=slow).warnings
+    (soft,) = numerics_of(grains={"stiffness": 20}, drive=slow).warnings
     assert soft.startswith("Soft grains")
-    still = {"motion": "none", "speed": None, "distance": None, "mobilise": None, "duration": 0.1}
-    (rest,) = numerics_of(drive=still).warnings
-    assert "not mobilised" in rest
+    (few,) = derive(scene_of(drive=slow), 2).warnings
+    assert few.startswith("Few grains to share")
     assert "until the packing is forgotten" in explained(derive(load("janssen/quick").scene))
 
 
@@ -268,6 +278,6 @@ def test_cases_and_schema_know_the_piston():
     for name in names:
         scene = load(name).scene
         assert isinstance(derive(scene), JanssenNumerics)
-        assert log(scene.tube.height / scene.height_of(scene.grain_count, 0.55)) > 0
+        assert scene.tube.height > scene.height_of(scene.grain_count)
     done = CliRunner().invoke(app, ["schema", "janssen"])
     assert json.loads(done.stdout)["properties"].keys() >= {"tube", "fill", "drive", "overload"}

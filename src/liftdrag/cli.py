@@ -41,6 +41,9 @@ app = typer.Typer(
     Which engines there are, and whether they are sound: liftdrag doctor""",
 )
 
+INTERRUPTED = 130
+"""The status that typer makes of an interruption."""
+
 CaseName = Annotated[
     str, typer.Argument(metavar="CASE", help="A case file, or the name of a packaged case.")
 ]
@@ -347,6 +350,10 @@ def main() -> None:
             signal.signal(number, _interrupt)
     try:
         app()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            _fail(RunFailed("killed", "Interrupted."), 1)
+        raise
     except InputError as error:
         _fail(error, 2)
     except RunFailed as error:

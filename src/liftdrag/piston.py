@@ -99,7 +99,8 @@ def run(
         engine.release()
         raise
     _, result = carried_out(engine, record, folder, progress)
-    work = sum(fill[0] * (fill[3] - fill[1]) for fill in deck.plan.fills)
+    lid = result["grains"] - deck.plan.fills[-1][0]
+    work = sum((fill[0] + lid) * (fill[3] - fill[1]) for fill in deck.plan.fills)
     result["grain_steps_per_s"] *= work / (result["grains"] * result["steps"])
     return answered(folder, scene_of(case), record, result)
 
@@ -159,8 +160,10 @@ def _read(folder: Path, scene: JanssenScene, record: Record) -> tuple[Series, Ja
         for count, _, mobilised, end in plan.fills
     ]
     try:
-        series = engine.series(plan, folder)
-        return series, answers(scene, series, list(engine.profiles(plan, folder)), fills)
+        series, profiles = engine.series(plan, folder), list(engine.profiles(plan, folder))
+        if not profiles or profiles[-1].time < fills[-1].end * (1.0 - 1e-9):
+            raise ValueError("the profiles end before the run")
+        return series, answers(scene, series, profiles, fills)
     except InputError:
         raise
     except (OSError, ValueError, LookupError, EOFError, BadZipFile) as error:

@@ -14,7 +14,7 @@ class Profile:
     All (b,), a value for each slice, from the piston upward. `height` (m) of its middle; `count`
     of grains; `virial` (J): the vertical stress of the contacts between grains times the volume,
     positive in compression; `wall_normal` (N): what presses on the tube; `wall_shear` (N): what
-    the tube lifts; `wall_contacts`: grains that touch the tube; and over these `mobilisation`:
+    the tube lifts; `wall_contacts`: grains that press on the tube; and over these `mobilisation`:
     the sum of |T|/(mu_w N); `sliding`: how many have it above 0.99; `spin` (rad/s): the sum of
     the spin with which a grain rolls along a tube that moves upward.
     """

@@ -316,7 +316,7 @@ def _value(case: Case, key: str) -> float:
     found: Any = case.scene
     for name in key.split("."):
         found = getattr(found, name, None)
-    if not isinstance(found, int | float):
+    if isinstance(found, bool) or not isinstance(found, int | float):
         raise InputError(f"The case {case.name} has no number at {shown(key)} to draw against.")
     return float(found)
 

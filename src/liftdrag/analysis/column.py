@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import pi
+from math import hypot, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +21,11 @@ if TYPE_CHECKING:
 ENDS = 3.0
 """Height in d above the piston and below the top of a column that is not its bulk."""
 
-FULL = 0.5
-"""Grains of a slice, over those of the fullest, from which on it is no mere top layer."""
+STRAY = 0.05
+"""Grains of a slice, over those of the fullest, up to which they lie about on the top."""
+
+CUT = 0.3
+"""Scatter of the grains that a slice's face puts above it, over the root of those in a layer."""
 
 FEWEST_BLOCKS = 10.0
 """Independent blocks from which on the error of their mean is more than a guess."""
@@ -97,8 +100,7 @@ class Column:
     def top(self) -> float:
         """Height (m) of the column: its grains over those of a metre of its full slices."""
         count = self.blocks("count").mean(axis=0)
-        typical = np.median(count[count > FULL * count.max()])
-        return self.thickness * float(count.sum() / typical)
+        return self.thickness * float(count.sum() / np.median(count[self._whole]))
 
     @property
     def filled(self) -> np.ndarray:
@@ -117,8 +119,12 @@ class Column:
 
     @property
     def _whole(self) -> np.ndarray:
-        inside = self._clear_of_ends(0.0)
-        return inside if inside.any() else self.filled
+        """Those below the highest, which grains fill in part; all when there is but that one."""
+        count = self.blocks("count").mean(axis=0)
+        held = np.flatnonzero(count > STRAY * count.max())
+        whole = np.zeros(len(count), bool)
+        whole[held[:-1] if len(held) > 1 else held] = True
+        return whole
 
     def _clear_of_ends(self, diameters: float) -> np.ndarray:
         half, clear = self.thickness / 2.0, diameters * self.scene.grains.diameter
@@ -128,9 +134,13 @@ class Column:
 
     @property
     def solid_fraction(self) -> Quantity:
-        """Solid fraction of the bulk."""
-        count = self.blocks("count")[:, self.bulk].mean(axis=1)
-        return self._enough(mean_of(self._grain_share * count, self.interval, "1"))
+        """Solid fraction of the bulk; its error has that of grains that the ends of it cut."""
+        bulk = self.bulk
+        count = self.blocks("count")[:, bulk].mean(axis=1)
+        found = mean_of(self._grain_share * count, self.interval, "1")
+        layer = count.mean() * self.scene.grains.diameter / self.thickness
+        cut = CUT * sqrt(2.0 * layer) * self._grain_share / bulk.sum()
+        return self._enough(replace(found, standard_error=hypot(found.standard_error, cut)))
 
     @property
     def _grain_share(self) -> float:

@@ -145,7 +145,11 @@ def _fits(scene: JanssenScene, points: Sequence[CurvePoint]) -> dict[str, Jansse
         return {}
     curve = fitted_curve(scene, points)
     fits = {"one_parameter": fit_one(curve), "two_parameter": fit_two(curve)}
-    return {name: fit for name, fit in fits.items() if fit is not None}
+    return {
+        name: fit
+        for name, fit in fits.items()
+        if fit is not None and fit.widening * fit.saturation_error < fit.saturation_mass
+    }
 
 
 def _wall(scene: JanssenScene, last: CurvePoint, column: Column | None) -> dict[str, Quantity]:
@@ -239,7 +243,7 @@ def _series_warnings(points: Sequence[CurvePoint]) -> Iterator[str]:
             f"NOT STEADY: the piston's force still drifts within {_named(drifting, points)}, by "
             f"up to {most:.1f} standard errors: raise drive.mobilise, or drive.distance."
         )
-    off = [k for k, point in enumerate(points) if _imbalance(point) > OUT_OF_BALANCE]
+    off = [k for k, point in enumerate(points) if _imbalance(point) > _tolerated(point)]
     if off:
         worst = max((points[k] for k in off), key=_imbalance).weight_balance
         yield (
@@ -250,6 +254,11 @@ def _series_warnings(points: Sequence[CurvePoint]) -> Iterator[str]:
 
 def _shown(quantity: Quantity) -> str:
     return " +- ".join(rounded(quantity.mean, quantity.standard_error))
+
+
+def _tolerated(point: CurvePoint) -> float:
+    """Departure from the weight that may be chance, or is small."""
+    return max(OUT_OF_BALANCE, LARGEST_DRIFT * point.weight_balance.standard_error)
 
 
 def _imbalance(point: CurvePoint) -> float:
@@ -270,7 +279,7 @@ def _fit_warnings(
     if "one_parameter" not in fits:
         yield (
             "No saturation mass: the load on the piston does not bend with the fill as Janssen's "
-            "form asks for this motion; fill higher, or run longer."
+            "form asks for this motion, or hardly; fill higher, or run longer."
         )
         return
     if "two_parameter" not in fits:
@@ -300,7 +309,7 @@ def _column_warnings(column: Column | None) -> Iterator[str]:
     elif not column.has_bulk:
         yield (
             f"The column is too low for a bulk {ENDS:g} d clear of both its ends: solid_fraction "
-            "and janssen_ratio_direct are those of all of it; fill higher."
+            "and janssen_ratio_direct are those of all of it but its top; fill higher."
         )
 
 

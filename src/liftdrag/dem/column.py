@@ -42,9 +42,9 @@ class ColumnMemory:
 class Column:
     """Spheres in a tube about x = y = 0 on a piston at z = 0. SI units.
 
-    `position`, `velocity` and `spin` (n, 3), `radius` and `mass` (n,); `upright` (n,) grains
-    neither move sideways nor turn. `walls` are the tube's and the piston's; `gravity` (m/s^2)
-    points downward.
+    `position`, `velocity` and `spin` (n, 3), `radius` and `mass` (n,). Grains that are `upright`
+    (n,), of equal mass, are a lid: they neither move sideways nor turn, and move as one. `walls`
+    are the tube's and the piston's; `gravity` (m/s^2) points downward.
     """
 
     position: np.ndarray
@@ -193,6 +193,7 @@ def arrays(column: Column) -> tuple[Spheres, Balls, Parts, Scene]:
         free / column.mass,
         free / (0.4 * column.mass * column.radius**2),
         np.full(count, column.gravity),
+        np.flatnonzero(column.upright),
     )
     scene = Scene(
         np.column_stack([column.position, radius]),

@@ -19,7 +19,7 @@ from liftdrag.dem.compiled import compiled
 GRADUAL = 1.0 / 3.0
 """Exponent of Walton and Braun's tangential stiffness."""
 
-TANGENTIAL_RATIO = 0.8
+INITIAL_RATIO = 0.8
 """Walton and Braun's initial tangential stiffness over the normal one in loading."""
 
 
@@ -109,7 +109,7 @@ def walton_braun(
 ) -> WaltonBraun:
     """Latching springs of a stiffness (N/m) in loading, e^2 times that in unloading."""
     return WaltonBraun(
-        stiffness, stiffness / restitution**2, TANGENTIAL_RATIO * stiffness, friction, reach
+        stiffness, stiffness / restitution**2, INITIAL_RATIO * stiffness, friction, reach
     )
 
 

@@ -46,6 +46,11 @@ def drift(
     raise NotImplementedError("this is compiled")
 
 
+def bind(bodies: Any, force: Any) -> None:
+    """Share the forces of parts that only move together."""
+    raise NotImplementedError("this is compiled")
+
+
 def gathered(bodies: Any, scene: Any, force: Any, k: int) -> Any:
     """Force (x, y) and torque on body k from its parts."""
     raise NotImplementedError("this is compiled")
@@ -188,6 +193,7 @@ def _advance(
         if threads > 1:
             for t in prange(threads):
                 _reduce(force, share_of_parts[t], share_of_parts[t + 1])
+        bind(bodies, force[0])
         if step == 0:
             load[:] = 0.0
             continue

@@ -16,6 +16,7 @@ from liftdrag.dem.law import contact_force
 from liftdrag.dem.motion import (
     ESCAPED,
     FINE,
+    bind,
     close,
     drift,
     gathered,
@@ -224,6 +225,17 @@ def _turned(c, s, angle):
     scale = 1.0 - square + square * square if square < 1e-6 else 1.0 / (1.0 + square)
     c1, s1 = (1.0 - square) * scale, 2.0 * half * scale
     return c * c1 - s * s1, s * c1 + c * s1
+
+
+@overload(bind)
+def _bind(bodies, force):
+    if bodies.instance_class is not Bodies:
+        return None
+
+    def nothing(bodies, force):
+        pass
+
+    return nothing
 
 
 @overload(gathered)

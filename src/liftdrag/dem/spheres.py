@@ -14,7 +14,7 @@ from numba.extending import overload
 from liftdrag.dem.compiled import compiled
 from liftdrag.dem.forces import forget, met_forces, wall_forces
 from liftdrag.dem.law import WaltonBraun, gradual_stiffness, latching_push, spring_force
-from liftdrag.dem.motion import ESCAPED, FINE, close, drift, gathered, inside, kinetic
+from liftdrag.dem.motion import ESCAPED, FINE, bind, close, drift, gathered, inside, kinetic
 from liftdrag.dem.neighbours import near_walls, remembered_walls
 
 TUBE, PISTON = 0, 1
@@ -29,12 +29,14 @@ class Spheres(NamedTuple):
 
 class Balls(NamedTuple):
     """What moves the spheres: one over mass (n,), `sideways` and upward (`mobility`), zero where
-    one may not move so, one over inertia (n,), and `gravity` downward (n,), m/s^2."""
+    one may not move so, one over inertia (n,), and `gravity` downward (n,), m/s^2. Those in `lid`
+    (m,), of equal mass, move as one."""
 
     mobility: np.ndarray
     sideways: np.ndarray
     turnability: np.ndarray
     gravity: np.ndarray
+    lid: np.ndarray
 
 
 class TubeWalls(NamedTuple):
@@ -97,12 +99,17 @@ def _spring_touch(
 def _latching_touch(
     law, friction, spring, dashpot, depth, parting, normal, slip, stretch, memory, k, time_step
 ):
-    """The memory: deepest overlap (m), drag at the last reversal (N), negative while it falls."""
+    """The memory: deepest overlap (m), drag at the last reversal (N), negative while it falls.
+
+    Beyond the limit the drag has the direction of one that is as stiff along as across.
+    """
     deepest, reversal, falling = memory[k, 0], memory[k, 1], memory[k, 2] < 0.0
     push = latching_push(law, depth, deepest)
     limit = friction * push
     x, y, z = turned_across(stretch[k, 0], stretch[k, 1], stretch[k, 2], normal)
     sx, sy, sz = slip[0] * time_step, slip[1] * time_step, slip[2] * time_step
+    stiff = law.tangential
+    tx, ty, tz = x + stiff * sx, y + stiff * sy, z + stiff * sz
     drag, way = sqrt(x * x + y * y + z * z), sqrt(sx * sx + sy * sy + sz * sz)
     if way > 0.0:
         ux, uy, uz = sx / way, sy / way, sz / way
@@ -112,16 +119,15 @@ def _latching_touch(
         if (along < 0.0) != falling:
             reversal, falling = drag, along < 0.0
         held = drag + gradual_stiffness(law, drag, reversal, not falling, limit) * along
-        aside = law.tangential
-        x = held * ux + aside * (sx - along * ux)
-        y = held * uy + aside * (sy - along * uy)
-        z = held * uz + aside * (sz - along * uz)
+        x = held * ux + stiff * (sx - along * ux)
+        y = held * uy + stiff * (sy - along * uy)
+        z = held * uz + stiff * (sz - along * uz)
         if held < 0.0:
             reversal, falling = -reversal, False
-    size = x * x + y * y + z * z
-    if size > limit * limit:
-        share = limit / sqrt(size)
-        x, y, z = x * share, y * share, z * share
+    trial = tx * tx + ty * ty + tz * tz
+    if x * x + y * y + z * z > limit * limit and trial > 0.0:
+        share = limit / sqrt(trial)
+        x, y, z = tx * share, ty * share, tz * share
     stretch[k, 0], stretch[k, 1], stretch[k, 2] = x, y, z
     memory[k, 0], memory[k, 1] = max(deepest, depth), reversal
     memory[k, 2] = -1.0 if falling else 1.0
@@ -329,7 +335,7 @@ def _drift(bodies, scene, forces, kick, time_step, damping, low, high, origin):
 
 
 def _sphere_drift(bodies, scene, forces, kick, time_step, damping, low, high, origin):
-    mobility, sideways, turnability, gravity = bodies
+    mobility, sideways, turnability, gravity, _ = bodies
     place, move, _ = scene
     force = forces[0]
     farthest = 0.0
@@ -355,6 +361,19 @@ def _sphere_drift(bodies, scene, forces, kick, time_step, damping, low, high, or
     return farthest
 
 
+@overload(bind)
+def _bind(bodies, force):
+    return _bind_lid if bodies.instance_class is Balls else None
+
+
+def _bind_lid(bodies, force):
+    lid, total = bodies.lid, 0.0
+    for k in lid:
+        total += force[k, 2]
+    for k in lid:
+        force[k, 2] = total / len(lid)
+
+
 @overload(gathered)
 def _gathered(bodies, scene, force, k):
     if bodies.instance_class is not Balls:
@@ -372,7 +391,7 @@ def _close(bodies, scene, force, kick):
 
 
 def _sphere_close(bodies, scene, force, kick):
-    mobility, sideways, turnability, gravity = bodies
+    mobility, sideways, turnability, gravity, _ = bodies
     move = scene.move
     for k in range(len(mobility)):
         move[k, 0] += kick * sideways[k] * force[k, 0]
@@ -388,7 +407,7 @@ def _kinetic(bodies, scene, force, kick):
 
 
 def _sphere_kinetic(bodies, scene, force, kick):
-    mobility, sideways, turnability, gravity = bodies
+    mobility, sideways, turnability, gravity, _ = bodies
     move, energy = scene.move, 0.0
     for k in range(len(mobility)):
         vx = move[k, 0] + kick * sideways[k] * force[k, 0]

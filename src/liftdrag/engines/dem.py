@@ -1,14 +1,16 @@
 """The in-house engine: `python -m liftdrag.engines.dem FOLDER` runs the deck in a folder.
 
 Or the decks in the folders below it, one after another. It lives in the process that calls it,
-on one core; its loops let other threads of the process run.
+on one core, a column on as many as it is told; its loops let other threads of the process run.
 """
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NoReturn
 
@@ -24,7 +26,7 @@ from liftdrag.engines import dem_column, dem_planar, mpi
 from liftdrag.engines.base import About, Outcome, Progress, silent
 from liftdrag.engines.dem_column import ColumnDeck
 from liftdrag.engines.dem_planar import PlanarDeck
-from liftdrag.engines.samples import read_samples
+from liftdrag.engines.samples import Ran, read_samples
 from liftdrag.errors import InputError
 from liftdrag.profile import Profile
 from liftdrag.series import Series
@@ -36,7 +38,7 @@ _ENDS = {
     dem.TOO_DEEP: (
         "overlap_exceeded",
         "two grains overlap by more than the radius of the smaller; a smaller numerics.time_step "
-        "or a larger grains.youngs_modulus may help",
+        "or stiffer grains may help",
     ),
     dem.NOT_FINITE: (
         "not_finite",
@@ -82,12 +84,9 @@ class InHouse:
     def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
         """Carry out the deck in pieces."""
         deck = _read(folder)
-        start, cpu = time.perf_counter(), _cpu(plan)
-        if isinstance(deck, ColumnDeck):
-            ran = dem_column.run(deck, folder, progress)
-        else:
-            ran = dem_planar.run(deck, folder, progress)
-        loop_s, cpu_s = time.perf_counter() - start, _cpu(plan) - cpu
+        start = time.perf_counter()
+        ran, cpu_s = _aside(deck, folder, progress)
+        loop_s = time.perf_counter() - start
         status, reason = _ENDS[ran.status]
         about = self.about()
         return Outcome(
@@ -121,9 +120,41 @@ class InHouse:
         return dem_column.profiles(folder) if plan.fills else iter(())
 
 
-def _cpu(plan: Plan) -> float:
-    """Seconds that this thread, or all of those of a run on several, computed."""
-    return time.thread_time() if plan.ranks == 1 else time.process_time()
+class _Halted(Exception):
+    """The user stopped the run."""
+
+
+def _aside(deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress) -> tuple[Ran, float]:
+    """How the deck ended in a thread of its own, and the processor time (s) that it took.
+
+    A signal that arrives in compiled code would end the process; here it is obeyed between two
+    pieces of the run.
+    """
+    halted = threading.Event()
+
+    def look(stage: str, done: int, total: int) -> None:
+        if halted.is_set():
+            raise _Halted
+        progress(stage, done, total)
+
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(_carried_out, deck, folder, look)
+        try:
+            return running.result()
+        except KeyboardInterrupt:
+            halted.set()
+            raise
+
+
+def _carried_out(
+    deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress
+) -> tuple[Ran, float]:
+    if isinstance(deck, PlanarDeck):
+        start = time.thread_time()
+        return dem_planar.run(deck, folder, progress), time.thread_time() - start
+    clock = time.thread_time if deck.numbers.run.threads == 1 else time.process_time
+    start = clock()
+    return dem_column.run(deck, folder, progress), clock() - start
 
 
 def _read(folder: Path) -> PlanarDeck | ColumnDeck:
@@ -155,6 +186,9 @@ def main(arguments: list[str]) -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("Interrupted.", file=sys.stderr)
+        return 1
     return 0 if all(outcome.status == "finished" for outcome in outcomes) else 1
 
 

@@ -116,13 +116,20 @@ def read(folder: Path) -> ColumnDeck:
     numbers = _Numbers.model_validate(tomllib.loads((folder / START).read_text("utf-8")))
     try:
         with np.load(folder / GRAINS, allow_pickle=False) as file:
-            deck = ColumnDeck(file["grains"], file["lid"], numbers)
-    except (OSError, ValueError, LookupError, EOFError, BadZipFile) as error:
+            deck = ColumnDeck(_centres(file["grains"]), _centres(file["lid"]), numbers)
+    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
             f"{folder / GRAINS} holds no column of liftdrag ({error}); write the deck again."
         ) from None
     _check_fills(deck, folder)
     return deck
+
+
+def _centres(found: np.ndarray) -> np.ndarray:
+    """Centres (n, 3) as stored. Raises ValueError when they are none."""
+    if found.shape[1:] != (3,) or found.dtype.kind != "f" or not np.isfinite(found).all():
+        raise ValueError("centres are rows of three finite numbers")
+    return found
 
 
 def _check_fills(deck: ColumnDeck, folder: Path) -> None:
@@ -132,6 +139,8 @@ def _check_fills(deck: ColumnDeck, folder: Path) -> None:
         if not good or any(b < a or (b - a) % run.block_every for a, b in pairwise(fill[1:])):
             raise InputError(f"{folder / START} is wrong at run.fills: {fill} is no fill.")
         before = fill[0], fill[-1]
+    if len(deck.lid) and not deck.numbers.grains.lid_mass:
+        raise InputError(f"{folder / START} is wrong at grains.lid_mass: a lid weighs something.")
     if run.block_every % run.profile_every or run.profile_every % run.row_every:
         raise InputError(f"{folder / START} is wrong at run.block_every: it is no whole rows.")
 
@@ -199,7 +208,6 @@ class _Filling:
                 found.append(_profile(self.column, self.law, self.deck))
         if found:
             self.profiles.append(_mean(found, self.done * numbers.time_step))
-        self.progress("drive", self.done, self.deck.steps)
         return dem.FINE
 
     def _piece(self, steps: int, settling: bool) -> int:
@@ -218,6 +226,7 @@ class _Filling:
         self.pieces.append(replace(piece, column=_nothing(piece.column)))
         self.grains.append(len(piece.column.mass))
         self.done += len(piece.piston) * numbers.row_every
+        self.progress("drive", self.done, self.deck.steps)
         return piece.status
 
     def rows(self) -> np.ndarray:
@@ -294,7 +303,7 @@ def _profile(column: Column, law: Law, deck: ColumnDeck) -> Profile:
         return np.bincount(slices[grain[own]], values[own], run.bins)
 
     between, walls = touching(column, law)
-    at_tube = walls.pair[:, 1] == 0
+    at_tube = (walls.pair[:, 1] == 0) & (walls.push != 0.0)
     grain, normal = walls.pair[at_tube, 0], walls.normal[at_tube]
     push, pull = walls.push[at_tube], walls.pull[at_tube]
     size, limit = np.sqrt((pull**2).sum(axis=1)), column.walls.tube_friction * abs(push)

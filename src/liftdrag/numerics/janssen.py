@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from math import ceil, inf, pi, sqrt
 
 from liftdrag import granular, hertz
-from liftdrag.errors import CaseError, at_most
+from liftdrag.errors import CaseError, at_least, at_most
 from liftdrag.granular import GRAVITY
 from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import JanssenScene
-from liftdrag.scene.janssen import SETTLED_FRACTION
 
 LEAST_RATIO, MOST_RATIO = 0.4, 1.2
 """Bounds on Janssen's K, horizontal over vertical stress, for the largest load expected."""
@@ -24,6 +23,15 @@ STRONGEST = 5.0
 
 OVERLAP_BOUND = 1e-3
 """Overlap of the strongest contact, over d, from which a stiffness is derived."""
+
+DEEPEST = 0.2
+"""The same at which a grain is no grain any more."""
+
+MOST_GROWTH = 12.0
+"""Exponent of Janssen's growth, upward, that is still computed."""
+
+FEW_GRAINS = 500
+"""Grains of a rank below which it waits for the others more than it computes."""
 
 SOFT = 0.01
 """The same above which grains are soft."""
@@ -162,7 +170,7 @@ def derive(scene: JanssenScene, ranks: int = 1) -> JanssenNumerics:
         core_hours=Value(
             cost / SPEED_HINT / 3600.0, "h", f"at {SPEED_HINT:.0e} grain-steps per second"
         ),
-        warnings=tuple(_warnings(scene, step.value, contact.value, overlap, inertial)),
+        warnings=tuple(_warnings(scene, ranks, step.value, contact.value, overlap, inertial)),
     )
 
 
@@ -174,8 +182,20 @@ def _largest_stress(scene: JanssenScene) -> Value[float]:
     weight = scene.bulk_density * GRAVITY
     top = scene.lid_mass * GRAVITY / scene.tube.section
     beta = 4.0 * scene.tube.friction * ratio / scene.tube.diameter * (-1.0 if upward else 1.0)
+    _check_growth(scene, -beta * depth)
     bottom = granular.janssen_stress(depth, weight, beta, top)
     return Value(max(top, bottom), "Pa", f"Janssen's, at K = {ratio} and the last fill")
+
+
+def _check_growth(scene: JanssenScene, exponent: float) -> None:
+    if exponent > MOST_GROWTH:
+        key = "fill.mass" if scene.fill.mass is not None else "fill.height"
+        raise CaseError(
+            key,
+            getattr(scene.fill, key.partition(".")[2]),
+            f"pushed up, the load may grow by exp({exponent:.3g})",
+            f"fill at most {MOST_GROWTH / exponent:.2g} of it",
+        )
 
 
 def _strongest(scene: JanssenScene, stress: float) -> float:
@@ -202,7 +222,16 @@ def _overlap_ratio(scene: JanssenScene, stress: float, stiffness: float) -> Valu
     depth = force / stiffness
     if grains.contact == "hertz":
         depth = hertz.static_overlap(force, grains.hertz_stiffness(stiffness))
-    return Value(depth / grains.diameter, "d", f"at {STRONGEST:g} times the mean force")
+    ratio = depth / grains.diameter
+    if ratio > DEEPEST:
+        name = "youngs_modulus" if grains.contact == "hertz" else "stiffness"
+        raise CaseError(
+            f"grains.{name}",
+            stiffness,
+            f"the strongest contacts would overlap by {ratio:.2g} d",
+            "leave it out: one that lets them overlap by 0.001 d is derived",
+        )
+    return Value(ratio, "d", f"at {STRONGEST:g} times the mean force")
 
 
 def _contact_time(scene: JanssenScene, stiffness: float) -> Value[float]:
@@ -237,12 +266,22 @@ def _time_step(scene: JanssenScene, contact: float) -> tuple[Value[float], int, 
         )
     largest = share * contact if chosen is None else chosen
     duration = _duration(scene)
+    if chosen is None and duration < 2.0 * largest:
+        key = "drive.duration" if scene.drive.duration is not None else "drive.distance"
+        given = getattr(scene.drive, key.partition(".")[2])
+        raise CaseError(
+            key,
+            given,
+            f"this is an average over less than two time steps of {largest:.3g} s",
+            f"make it at least {at_least(2.0 * largest / duration * given)} in SI units",
+        )
     least = ceil(duration / (ROWS * largest) * (1.0 - 1e-9))
     samples = ceil(least / max(int(0.5 * contact / largest), 1))
     sample = ceil(least / samples)
     row = samples * sample
     step = duration / (ROWS * row)
-    _check_steps(scene, ROWS * row)
+    key = "drive.duration" if scene.drive.duration is not None else "drive.distance"
+    _check_steps(scene, ROWS * row, key if chosen is None else "numerics.time_step")
     reason = f"at most {share:.3g} of the contact time" if chosen is None else "set by hand"
     return Value(step, "s", f"{reason}; less to end with a row"), sample, row
 
@@ -255,14 +294,14 @@ def _duration(scene: JanssenScene) -> float:
     return (drive.distance or 0.0) / (drive.speed or inf)
 
 
-def _check_steps(scene: JanssenScene, steps: int) -> None:
+def _check_steps(scene: JanssenScene, steps: int, key: str) -> None:
     if steps * len(scene.counts) > MOST_STEPS:
-        key = "drive.distance" if scene.drive.distance is not None else "drive.duration"
+        table, _, name = key.partition(".")
         raise CaseError(
             key,
-            getattr(scene.drive, key.partition(".")[2]),
-            f"this takes {steps * len(scene.counts):.3g} steps",
-            f"keep it under {MOST_STEPS:.0e} steps",
+            getattr(getattr(scene, table), name),
+            f"this takes {steps * len(scene.counts):.3g} steps over all fills",
+            f"keep it under {MOST_STEPS:.0e}; a step is shorter where contacts are stiffer",
         )
 
 
@@ -276,9 +315,9 @@ def _phases(
 ) -> tuple[Value[int], Value[int], Value[int], Value[int]]:
     """Steps to settle and to mobilise, at first and after; whole blocks of steps."""
 
-    def whole(time: float) -> int:
+    def whole(time: float, key: str) -> int:
         steps = ceil(time / (block * dt) * (1.0 - 1e-9)) * block
-        _check_steps(scene, steps)
+        _check_steps(scene, steps, key)
         return steps
 
     counts, chosen = scene.counts, scene.numerics.settle_time
@@ -289,10 +328,10 @@ def _phases(
     times = [way / scene.drive.speed if scene.drive.speed else 0.0 for way in ways]
     by_hand = "set by hand" if scene.drive.mobilise else "until the packing is forgotten"
     return (
-        Value(whole(first), "steps", why),
-        Value(whole(after), "steps", f"{why}, of a layer added"),
-        Value(whole(times[0]), "steps", by_hand),
-        Value(whole(times[1]), "steps", f"{by_hand}, after a layer was added"),
+        Value(whole(first, "numerics.settle_time"), "steps", why),
+        Value(whole(after, "numerics.settle_time"), "steps", f"{why}, of a layer added"),
+        Value(whole(times[0], "drive.mobilise"), "steps", by_hand),
+        Value(whole(times[1], "drive.mobilise"), "steps", f"{by_hand}, after a layer was added"),
     )
 
 
@@ -323,7 +362,7 @@ def _levels(
 
 def _highest(scene: JanssenScene) -> float:
     """Height (m) that no grain of a settled column is above."""
-    return scene.height_of(scene.grain_count, 0.9 * SETTLED_FRACTION) + 3.0 * scene.grains.diameter
+    return scene.height_of(scene.grain_count, 0.9) + 3.0 * scene.grains.diameter
 
 
 def _skin(scene: JanssenScene) -> Value[float]:
@@ -358,6 +397,7 @@ def _inertial_number(scene: JanssenScene) -> Value[float]:
 
 def _warnings(
     scene: JanssenScene,
+    ranks: int,
     dt: float,
     contact: float,
     overlap: Value[float],
@@ -373,10 +413,10 @@ def _warnings(
             f"Soft grains: the expected overlap of the strongest contacts is {overlap.value:.2g} "
             f"d, above {SOFT}; raise grains.stiffness (or youngs_modulus)."
         )
-    if scene.drive.motion == "none":
+    if ranks > 1 and scene.grain_count < FEW_GRAINS * ranks:
         yield (
-            "Nothing moves: the wall's friction is not mobilised, and the janssen_ratio of the "
-            "fit is K times its mobilised share."
+            f"Few grains to share: {scene.grain_count} on {ranks} ranks, and {FEW_GRAINS} each are "
+            "the least that gain; use fewer --ranks."
         )
     usual = HERTZ_FRACTION * contact
     if scene.grains.contact != "hertz":

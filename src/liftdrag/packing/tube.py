@@ -9,18 +9,12 @@ from math import pi
 import numpy as np
 from scipy.spatial import cKDTree
 
-from liftdrag.errors import CaseError
+from liftdrag.errors import CaseError, at_least
 from liftdrag.packing.relaxation import TooTight, relaxed
 from liftdrag.scene import JanssenScene
 
-DENSEST = 0.56
-"""Solid fraction at which a column is packed where its tube is wide."""
-
-NARROW = 0.62
-"""The same over (1 - d/(2 D))^2 where it is narrow, and the wall keeps grains away."""
-
-LOOSER = (1.0, 0.9, 0.8, 0.7, 0.6)
-"""Shares of these tried one after another: the first that the tube has room for."""
+LOOSER = (0.975, 0.9, 0.8, 0.7, 0.6)
+"""Shares of the settled solid fraction tried in turn: the first that the tube has room for."""
 
 CLEAR = 1.0
 """Distance in d that the centres of a lid's grains keep from the wall, and from each other."""
@@ -68,10 +62,9 @@ class _Room:
 def packed_column(scene: JanssenScene) -> PackedColumn:
     """The column of a scene as packed, before it settles. Raises CaseError when it cannot be."""
     d, rng = scene.grains.diameter, np.random.default_rng(scene.seed)
-    fraction = min(DENSEST, NARROW * (1.0 - 0.5 * d / scene.tube.diameter) ** 2)
     for share in LOOSER:
         try:
-            centres = _packed(scene, share * fraction, rng)
+            centres = _packed(scene, share * scene.settled_fraction, rng)
         except TooTight:
             continue
         upward = centres[np.argsort(centres[:, 2], kind="stable")] * d
@@ -110,4 +103,12 @@ def _lid(scene: JanssenScene, height: float) -> np.ndarray:
     line = np.arange(-reach, reach + 1) * d
     x, y = (side.ravel() for side in np.meshgrid(line, line))
     inside = np.hypot(x, y) <= clear * (1.0 + 1e-9)
+    least = float(inside.sum()) * scene.grains.mass
+    if scene.lid_mass < least:
+        raise CaseError(
+            "overload.mass",
+            scene.lid_mass,
+            "its grains would be lighter than those of the column",
+            f"make it at least {at_least(least)} kg, a layer of those, or leave it out",
+        )
     return np.column_stack([x[inside], y[inside], np.full(int(inside.sum()), height)])

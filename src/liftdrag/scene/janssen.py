@@ -16,11 +16,16 @@ from liftdrag.errors import CaseError, at_least, at_most
 from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Density, Length, Mass, Modulus, Speed, Stiffness, Time
 
-SETTLED_FRACTION = 0.60
-"""Solid fraction of a settled column, for what is expected before it is measured."""
+SETTLED_FRACTION = 0.62
+"""Solid fraction expected of a settled column over (1 - d/(2 D))^2: the wall keeps grains away.
 
-LOOSEST = 0.55
-"""Solid fraction of the loosest settled column, which is the highest."""
+0.574 at D/d = 13.3, as measured.
+"""
+
+LOOSEST = 0.92
+"""Solid fraction of the loosest settled column, which is the highest, over the expected one."""
+
+LEAST_RESTITUTION = 0.01
 
 MOST_GRAINS = 5_000_000
 
@@ -41,7 +46,7 @@ class TubeGrains(Part):
 
     diameter: Length
     density: Density
-    restitution: Annotated[float, Field(gt=0.0, le=1.0)]
+    restitution: Annotated[float, Field(ge=LEAST_RESTITUTION, le=1.0)]
     friction: Annotated[float, Field(ge=0.0, le=10.0)]
     contact: ContactLaw
     stiffness: Stiffness | None = None
@@ -103,7 +108,10 @@ class PistonDrive(Part):
 
 
 class Overload(Part):
-    """A lid of heavy grains in one layer that does not touch the wall; `mass` of all of it."""
+    """A lid: one layer of grains, glued together, that does not touch the wall; its `mass`.
+
+    It moves vertically and does not tilt.
+    """
 
     mass: Mass
 
@@ -142,9 +150,14 @@ class JanssenScene(Part):
         return -speed if self.drive.motion == "piston up" else speed
 
     @property
+    def settled_fraction(self) -> float:
+        """Solid fraction expected of a settled column."""
+        return SETTLED_FRACTION * (1.0 - 0.5 * self.grains.diameter / self.tube.diameter) ** 2
+
+    @property
     def bulk_density(self) -> float:
         """Density (kg/m^3) expected of a settled column."""
-        return SETTLED_FRACTION * self.grains.density
+        return self.settled_fraction * self.grains.density
 
     @property
     def grain_count(self) -> int:
@@ -173,10 +186,10 @@ class JanssenScene(Part):
         """Mass (kg) of the overload, zero without one."""
         return self.overload.mass if self.overload else 0.0
 
-    def height_of(self, count: int, fraction: float = SETTLED_FRACTION) -> float:
-        """Height (m) of so many grains at a solid fraction."""
+    def height_of(self, count: int, share: float = 1.0) -> float:
+        """Height (m) of so many grains at a share of the solid fraction expected."""
         volume = count * granular.sphere_volume(self.grains.diameter)
-        return volume / (fraction * self.tube.section)
+        return volume / (share * self.settled_fraction * self.tube.section)
 
     @model_validator(mode="after")
     def _check(self) -> JanssenScene:
@@ -218,7 +231,7 @@ def _check_tube(scene: JanssenScene) -> None:
         raise CaseError(
             "tube.diameter",
             scene.tube.diameter,
-            "an overload clear of the wall needs four grains",
+            "an overload clear of the wall needs a tube four grains wide",
             f"make it at least {at_least(clear)} m, or leave the overload out",
         )
 
@@ -228,10 +241,13 @@ def _check_fill(scene: JanssenScene) -> None:
     if (fill.mass is None) == (fill.height is None):
         raise CaseError("fill", None, "a fill has a mass or a height", "give one of the two")
     key, given = ("fill.mass", fill.mass) if fill.mass is not None else ("fill.height", fill.height)
-    least = len(scene.counts) * max(grains.mass, 1e-300)
+    unit = "kg" if fill.mass is not None else "m"
     if scene.grain_count < len(scene.counts) or scene._mass < 0.5 * grains.mass:
         raise CaseError(
-            key, given, "this is less than a grain at each fill", f"make it {at_least(least)} kg"
+            key,
+            given,
+            "this is less than a grain at each fill",
+            f"fill at least {len(scene.counts) * grains.mass:.4g} kg, or lower fill.levels",
         )
     if scene.grain_count > MOST_GRAINS:
         raise CaseError(
@@ -248,7 +264,7 @@ def _check_fill(scene: JanssenScene) -> None:
             key,
             given,
             f"this is {height:.4g} m high where loose, and the tube {scene.tube.height:.4g} m",
-            f"make it at most {at_most(share * (given or 0.0))}, or raise tube.height",
+            f"make it at most {at_most(share * (given or 0.0))} {unit}, or raise tube.height",
         )
 
 
