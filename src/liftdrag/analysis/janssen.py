@@ -15,7 +15,7 @@ from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES
 from liftdrag.analysis.janssen_curve import CurvePoint, curve_points, curve_table, fitted_curve
 from liftdrag.analysis.janssen_curve import FillWindow as FillWindow
 from liftdrag.analysis.janssen_curve import sense as sense
-from liftdrag.analysis.janssen_fit import JanssenFit, apparent_mass, fit_one, fit_two
+from liftdrag.analysis.janssen_fit import JanssenFit, apparent_mass, fit_one, fit_two, with_scatter
 from liftdrag.analysis.quantity import Quantity, ratio, rounded
 from liftdrag.profile import Profile
 from liftdrag.scene import JanssenScene
@@ -144,11 +144,12 @@ def _fits(scene: JanssenScene, points: Sequence[CurvePoint]) -> dict[str, Jansse
     if len(points) < FEWEST_FILLS or not scene.tube.friction:
         return {}
     curve = fitted_curve(scene, points)
-    fits = {"one_parameter": fit_one(curve), "two_parameter": fit_two(curve)}
+    forms = {"one_parameter": fit_one, "two_parameter": fit_two}
+    fits = {name: with_scatter(form, curve) for name, form in forms.items()}
     return {
         name: fit
         for name, fit in fits.items()
-        if fit is not None and fit.widening * fit.saturation_error < fit.saturation_mass
+        if fit is not None and fit.saturation_error < fit.saturation_mass
     }
 
 
@@ -175,11 +176,11 @@ def _fitted(
     converged = all(point.apparent_mass.converged for point in points)
     if "two_parameter" in fits:
         two = fits["two_parameter"]
-        yield "hydrostatic_cap", _parameter(two, two.hydrostatic_cap, two.cap_error, converged)
+        yield "hydrostatic_cap", _parameter(two.hydrostatic_cap, two.cap_error, converged)
     if "one_parameter" not in fits:
         return
     one = fits["one_parameter"]
-    saturation = _parameter(one, one.saturation_mass, one.saturation_error, converged)
+    saturation = _parameter(one.saturation_mass, one.saturation_error, converged)
     scatter = sqrt(2.0 / one.degrees_of_freedom)
     yield "saturation_mass", saturation
     yield "chi_square", Quantity(one.reduced, scatter, "1", None, None, converged)
@@ -192,9 +193,9 @@ def _fitted(
         yield "janssen_ratio_mobilised", _plain(ratio(fitted, 1.0, [share], "1"))
 
 
-def _parameter(fit: JanssenFit, value: float, error: float, converged: bool) -> Quantity:
-    """A parameter (kg), its error widened where the form does not hold."""
-    return Quantity(value, fit.widening * error, "kg", None, None, converged)
+def _parameter(value: float, error: float, converged: bool) -> Quantity:
+    """A parameter, kg."""
+    return Quantity(value, error, "kg", None, None, converged)
 
 
 def _janssen_ratio(scene: JanssenScene, saturation: Quantity, fraction: Quantity) -> Quantity:
@@ -288,12 +289,11 @@ def _fit_warnings(
         yield "No janssen_ratio: without profiles of the last fill its density is not known."
     one = fits["one_parameter"]
     if one.p_value < DOUBTED:
-        error = 1e3 * one.saturation_error
         yield (
             "Janssen's one-parameter form does not hold within the errors: chi-square over the "
             f"{one.degrees_of_freedom} degrees of freedom is {one.reduced:.3g} (p = "
-            f"{one.p_value:.2g}), so the error of saturation_mass was widened from {error:.2g} to "
-            f"{one.widening * error:.2g} g, that of janssen_ratio likewise."
+            f"{one.p_value:.2g}), so a scatter of {100.0 * one.scatter:.2g} % from fill to fill "
+            "was added to them, which is in the errors of saturation_mass and janssen_ratio."
         )
     low, high = (points[k].mass / one.saturation_mass for k in (0, -1))
     if high < 1.0 or low > 1.0:

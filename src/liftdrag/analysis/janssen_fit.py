@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, isfinite, sqrt
 from typing import Any
 
@@ -58,7 +58,8 @@ def _form(mass: np.ndarray, lid: float, beta: float, cap: float) -> np.ndarray:
 class Curve:
     """Points of a curve: `mass` and `apparent_mass` with its `error`, all (n,) in kg.
 
-    `lid` (kg) is the load on top; `sense` 1, or -1 where the wall pushes the grains down.
+    `lid` (kg) is the load on top; `sense` 1, or -1 where the wall pushes the grains down;
+    `scatter` of the loads beyond their errors, over the load.
     """
 
     mass: np.ndarray
@@ -66,18 +67,21 @@ class Curve:
     error: np.ndarray
     lid: float
     sense: float
+    scatter: float = 0.0
 
     @property
     def sigma(self) -> np.ndarray:
         """The errors (n,) in kg, none below LEAST_ERROR of the mass above the piston."""
-        return np.asarray(np.maximum(self.error, LEAST_ERROR * (self.mass + self.lid)))
+        own = np.maximum(self.error, LEAST_ERROR * (self.mass + self.lid))
+        return np.asarray(np.hypot(own, self.scatter * self.apparent_mass))
 
 
 @dataclass(frozen=True)
 class JanssenFit:
     """A fit's parameters in kg and their errors, as the errors of the points make them.
 
-    `hydrostatic_cap` is M_0, zero with no error where it was not fitted; `chi_square` the sum.
+    `hydrostatic_cap` is M_0, zero with no error where it was not fitted. `chi_square` is the sum
+    with the points' own errors, `scatter` what was then added to them, over their load.
     """
 
     saturation_mass: float
@@ -86,6 +90,7 @@ class JanssenFit:
     cap_error: float
     chi_square: float
     degrees_of_freedom: int
+    scatter: float = 0.0
 
     @property
     def reduced(self) -> float:
@@ -97,13 +102,8 @@ class JanssenFit:
         """Probability of a chi-square this large or larger where the form holds."""
         return float(chi2.sf(self.chi_square, self.degrees_of_freedom))
 
-    @property
-    def widening(self) -> float:
-        """What multiplies the errors, sqrt(chi-square/dof), where that exceeds 1."""
-        return max(1.0, sqrt(self.reduced))
-
     def to_dict(self) -> dict[str, Any]:
-        """The fit as `result.json` holds it: kg, and the errors not yet widened."""
+        """The fit as `result.json` holds it, in kg."""
         return {
             "saturation_mass": self.saturation_mass,
             "saturation_error": self.saturation_error,
@@ -112,8 +112,30 @@ class JanssenFit:
             "chi_square": self.chi_square,
             "degrees_of_freedom": self.degrees_of_freedom,
             "p_value": self.p_value,
-            "widening": self.widening,
+            "scatter": self.scatter,
         }
+
+
+def with_scatter(fit: Callable[[Curve], JanssenFit | None], curve: Curve) -> JanssenFit | None:
+    """The fit with so much scatter between the fills that chi-square is the degrees of freedom.
+
+    A fill's load differs from that of another column, or from the form, by more than its own
+    series shows: packings last longer than an average. What is missing is taken as one relative
+    scatter of all loads, as Mandel and Paule do between laboratories (Anal. Chem. 42 (1970)
+    1194): a fill of a small error then does not outweigh the others. None is added where the
+    form holds within the errors.
+    """
+    plain = fit(curve)
+    if plain is None or plain.reduced <= 1.0:
+        return plain
+
+    def excess(scatter: float) -> float:
+        found = fit(replace(curve, scatter=scatter))
+        return -1.0 if found is None else found.reduced - 1.0
+
+    scatter = 1.0 if excess(1.0) > 0.0 else float(brentq(excess, 0.0, 1.0, xtol=1e-5))
+    found = fit(replace(curve, scatter=scatter))
+    return found and replace(found, chi_square=plain.chi_square, scatter=scatter)
 
 
 def fit_one(curve: Curve) -> JanssenFit | None:
