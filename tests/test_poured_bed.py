@@ -11,9 +11,9 @@ from liftdrag.analysis.tank import Answers, answers
 from liftdrag.case import Case, load
 from liftdrag.deck import tank as decks
 from liftdrag.engines import engine
+from liftdrag.execution import write_deck
 from liftdrag.numerics import Value, derive
 from liftdrag.packing import random_bed
-from liftdrag.runner import write_deck
 
 LOOSENED = 1.7
 """Height of the cloud of grains that falls, over that of the bed: a solid fraction of 0.35."""

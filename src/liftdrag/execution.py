@@ -1,15 +1,39 @@
-"""One deck carried out: timed, and its end written down whatever it is."""
+"""One deck written and carried out: timed, and its end written down whatever it is."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from liftdrag.case import Case
+from liftdrag.deck import Deck
 from liftdrag.engines.base import Engine, Outcome, Progress
+from liftdrag.engines.probes import Probe
 from liftdrag.errors import RunFailed
 from liftdrag.folder import RESULT, Record, write_json
-from liftdrag.result import begun, cost
+from liftdrag.numerics import Numerics, explained
+from liftdrag.result import begun, cost, provenance
+
+
+def write_deck(
+    case: Case,
+    numerics: Numerics,
+    deck: Deck,
+    engine: str,
+    folder: Path,
+    probes: Sequence[Probe] = (),
+    alarms: Sequence[str] = (),
+) -> Record:
+    """Write the deck, the numerics with their reasons, and the record that reading needs."""
+    deck.write(folder)
+    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
+    warnings = list(numerics.warnings)
+    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, made, list(alarms))
+    record.write(folder)
+    return record
 
 
 def carried_out(

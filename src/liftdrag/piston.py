@@ -24,12 +24,12 @@ from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Progress, silent
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import carried_out
+from liftdrag.execution import carried_out, write_deck
 from liftdrag.folder import RESULT, Record, fresh, write_json
-from liftdrag.numerics import JanssenNumerics, derive, explained
+from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import packed_column
 from liftdrag.pictures import janssen as pictures
-from liftdrag.result import Result, provenance
+from liftdrag.result import Result
 from liftdrag.result import answered as quantities_of
 from liftdrag.scene import JanssenScene
 from liftdrag.series import Series
@@ -62,7 +62,7 @@ def write_decks(
     """The deck of a piston in a folder. Raises InputError before anything is written."""
     numerics, deck = prepare(case, engine.dialect, ranks)
     folder = fresh(out, case.name, "decks")
-    _write(case, numerics, deck, engine.name, folder, (), ())
+    write_deck(case, numerics, deck, engine.name, folder)
     return folder, numerics, deck.plan
 
 
@@ -94,7 +94,7 @@ def run(
         progress("compile" if own and is_cold() else "packing", 0, 1)
         numerics, deck = prepare(case, engine.dialect, ranks)
         folder = fresh(out, case.name)
-        record = _write(case, numerics, deck, engine.name, folder, found, alarms)
+        record = write_deck(case, numerics, deck, engine.name, folder, found, alarms)
     except BaseException:
         engine.release()
         raise
@@ -115,24 +115,6 @@ def _probed(
     return trusted(
         engine, Subject(contact_of(scene, modulus), scene.grains.density), PLANAR, ignored
     )
-
-
-def _write(
-    case: Case,
-    numerics: JanssenNumerics,
-    deck: Deck,
-    engine: str,
-    folder: Path,
-    probes: Sequence[Probe],
-    alarms: Sequence[str],
-) -> Record:
-    deck.write(folder)
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
-    warnings = list(numerics.warnings)
-    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, made, list(alarms))
-    record.write(folder)
-    return record
 
 
 def answered(folder: Path, scene: JanssenScene, record: Record, result: dict[str, Any]) -> Result:

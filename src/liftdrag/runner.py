@@ -18,13 +18,13 @@ from liftdrag.deck.tank import build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import spatial
 from liftdrag.engines.base import Engine, Progress, silent
-from liftdrag.engines.probes import TANK, Probe, Subject, check_names
+from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import carried_out
+from liftdrag.execution import carried_out, write_deck
 from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
-from liftdrag.result import Result, answered, provenance
+from liftdrag.result import Result, answered
 from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 from liftdrag.series import Series
 from liftdrag.trust import trusted
@@ -53,25 +53,6 @@ def _tank(case: Case) -> TankScene:
 def _check_ranks(ranks: int) -> None:
     if not 1 <= ranks <= MAX_RANKS:
         raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
-
-
-def write_deck(
-    case: Case,
-    numerics: TankNumerics,
-    deck: Deck,
-    engine: str,
-    folder: Path,
-    probes: Sequence[Probe] = (),
-    alarms: Sequence[str] = (),
-) -> Record:
-    """Write the deck, the numerics with their reasons, and the record that reading needs."""
-    deck.write(folder)
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
-    warnings = list(numerics.warnings)
-    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, made, list(alarms))
-    record.write(folder)
-    return record
 
 
 def run(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from io import StringIO
 from math import ceil, sqrt
@@ -65,7 +65,7 @@ def build(
     text = render(f"{dialect.folder}/janssen.in.j2", context)
     check_commands(text)
     texts = {START: text, "column.data": _data_file(scene, numerics, column)}
-    return Deck(texts, _plan(numerics, ranks))
+    return Deck(texts, plan_of(numerics, ranks, START, {"forces.dat": CHANNELS}))
 
 
 def check_contact(scene: JanssenScene, dialect: Dialect) -> None:
@@ -89,15 +89,18 @@ def check_contact(scene: JanssenScene, dialect: Dialect) -> None:
         dialect.numbers(contact_of(scene, 1.0), TYPES)
 
 
-def _plan(numerics: JanssenNumerics, ranks: int) -> Plan:
+def plan_of(
+    numerics: JanssenNumerics, ranks: int, start: str, series: Mapping[str, Mapping[str, str]]
+) -> Plan:
+    """What the deck of a column promises: all fills in one stage, and the files of its series."""
     levels = numerics.levels
     return Plan(
-        start=START,
+        start=start,
         ranks=ranks,
         time_step=numerics.time_step.value,
         stages={"drive": levels[-1].end},
         row_every=numerics.row_every.value,
-        series={"forces.dat": CHANNELS},
+        series=series,
         fills=[(level.count, level.start, level.mobilised, level.end) for level in levels],
     )
 

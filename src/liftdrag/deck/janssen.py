@@ -9,7 +9,7 @@ import numpy as np
 
 from liftdrag.deck import column as family
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
-from liftdrag.deck.model import Deck, Plan
+from liftdrag.deck.model import Deck
 from liftdrag.deck.tables import table
 from liftdrag.granular import GRAVITY
 from liftdrag.numerics import JanssenNumerics
@@ -48,15 +48,7 @@ def build(
     """
     if dialect is not IN_HOUSE:
         return family.build(scene, numerics, column, name, version, ranks, dialect)
-    plan = Plan(
-        start=START,
-        ranks=ranks,
-        time_step=numerics.time_step.value,
-        stages={"drive": numerics.levels[-1].end},
-        row_every=numerics.row_every.value,
-        series={FORCES: CHANNELS},
-        fills=[(level.count, level.start, level.mobilised, level.end) for level in numerics.levels],
-    )
+    plan = family.plan_of(numerics, ranks, START, {FORCES: CHANNELS})
     file = BytesIO()
     np.savez(file, allow_pickle=False, grains=column.grains, lid=column.lid)
     return Deck({START: _text(scene, numerics, ranks)}, plan, {GRAINS: file.getvalue()})
