@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from liftdrag.case import Case
+from liftdrag.dem.compiled import _folder
 from liftdrag.engines import engine
 from liftdrag.errors import InputError
 from liftdrag.result import Result
@@ -87,10 +88,11 @@ def tiny_tank(**tables: Any) -> Case:
 
 
 def with_lid(bulk_gravity: bool) -> Case:
-    """The tiny tank under a lid, deep enough for one."""
+    """The tiny tank under a lid, deep enough for one; its grains, pressed, may be driven faster."""
     return tiny_tank(
-        tank={"height": "30 d"},
+        tank={"height": "28 d"},
         intruder={"depth": "16 D"},
+        drive={"speed": "0.4 m/s"},
         lid={"density_ratio": 60, "bulk_gravity": bulk_gravity},
     )
 
@@ -104,9 +106,15 @@ EXPERIMENTS = {
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What probes found is remembered for these tests, and nowhere else."""
+    """What probes found is remembered for these tests, and nowhere else.
+
+    Commands that the tests start use the kernels that the tests have compiled.
+    """
+    cache = tmp_path_factory.mktemp("cache")
+    (cache / "liftdrag").mkdir()
+    (cache / "liftdrag" / "kernels").symlink_to(Path(_folder()).parent)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("XDG_CACHE_HOME", str(cache))
         yield
 
 

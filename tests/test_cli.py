@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from rich.console import Console
 
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import packaged
+from liftdrag.cli import main
 from liftdrag.contacts import read_contact_dump
 from liftdrag.numerics import derive
 from liftdrag.report import table
@@ -33,6 +35,23 @@ def liftdrag(*words: str | Path, folder: Path | None = None) -> subprocess.Compl
     )
 
 
+@pytest.fixture
+def typed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """The command in this process: its status, its answer, and what it says besides."""
+
+    def type_(*words: str | Path, folder: Path | None = None) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["liftdrag", *map(str, words)])
+        if folder is not None:
+            monkeypatch.chdir(folder)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return int(ended.value.code or 0), *capsys.readouterr()
+
+    return type_
+
+
 def test_help_teaches_the_first_command():
     done = liftdrag("--help")
     assert done.returncode == 0
@@ -48,10 +67,10 @@ def test_help_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
-def test_cases_are_listed_and_printed():
-    listed = liftdrag("cases").stdout.splitlines()
-    assert [line.split()[0] for line in listed] == list(packaged())
-    assert liftdrag("cases", "quick").stdout == packaged()["quick"].read_text("utf-8")
+def test_cases_are_listed_and_printed(typed):
+    _, listed, _ = typed("cases")
+    assert [line.split()[0] for line in listed.splitlines()] == list(packaged())
+    assert typed("cases", "quick")[1] == packaged()["quick"].read_text("utf-8")
 
 
 def test_a_printed_case_is_a_case(tmp_path):
@@ -61,8 +80,8 @@ def test_a_printed_case_is_a_case(tmp_path):
     assert (tmp_path / "decks" / "mine" / "in.tank").exists()
 
 
-def test_schema_is_the_models():
-    schema = json.loads(liftdrag("schema", "tank").stdout)
+def test_schema_is_the_models(typed):
+    schema = json.loads(typed("schema", "tank")[1])
     assert set(schema["properties"]) == set(TankScene.model_fields)
     assert schema["additionalProperties"] is False
 
@@ -78,15 +97,24 @@ def test_schema_is_the_models():
         (("run", "nowhere.toml"), "cannot be read"),
         (("schema", "tankk"), "There is no scene"),
         (("analyze", "nowhere.dat"), "nowhere.dat"),
-        (("build-deck", "quick", "--out", "/proc/no"), "cannot be used"),
+        (
+            ("build-deck", "quick", "--set", "tank.length=27 d", "--out", "/proc/no"),
+            "cannot be used",
+        ),
     ],
 )
-def test_bad_input_is_one_sentence_and_status_2(tmp_path, words, says):
-    done = liftdrag(*words, folder=tmp_path)
-    assert done.returncode == 2
-    assert says in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, typed, words, says):
+    status, _, said = typed(*words, folder=tmp_path)
+    assert status == 2
+    assert says in said
+    assert len(said.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_input_is_one_sentence_of_the_process_too(tmp_path):
+    done = liftdrag("run", "quik", folder=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
 
 
 def test_every_wrong_key_gets_its_own_sentence():
@@ -146,10 +174,9 @@ class TestRun:
         for name in ("forces.png", "bed.png"):
             assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
-    def test_a_folder_with_a_run_is_never_written_over(self, ran):
+    def test_a_folder_with_a_run_is_never_written_over(self, ran, typed):
         before = (ran[0] / "runs" / "tiny" / "result.json").read_bytes()
-        done = liftdrag("run", "tiny.toml", "--out", "runs/tiny", folder=ran[0])
-        assert done.returncode == 2
+        assert typed("run", "tiny.toml", "--out", "runs/tiny", folder=ran[0])[0] == 2
         assert (ran[0] / "runs" / "tiny" / "result.json").read_bytes() == before
 
     def test_analyze_of_the_folder_prints_the_same(self, ran):
@@ -157,18 +184,18 @@ class TestRun:
         old = json.loads((ran[0] / "runs" / "tiny" / "result.json").read_text())
         assert json.loads(done.stdout)["quantities"] == old["quantities"]
 
-    def test_analyze_of_the_series_as_a_table_averages_its_own_window(self, ran):
+    def test_analyze_of_the_series_as_a_table_averages_its_own_window(self, ran, typed):
         words = ("--drag", "drag (N)", "--lift", "lift (N)", "--discard", "0.02", "--json")
-        done = liftdrag("analyze", "runs/tiny/series.csv", *words, folder=ran[0])
-        assert done.returncode == 0, done.stderr
-        answer = json.loads(done.stdout)
+        status, said, problem = typed("analyze", "runs/tiny/series.csv", *words, folder=ran[0])
+        assert status == 0, problem
+        answer = json.loads(said)
         rows = np.loadtxt(ran[0] / "runs" / "tiny" / "series.csv", delimiter=",", skiprows=1)
         inside = rows[:, 0] > answer["steady_window"]["start_s"] - 1e-9
         assert rows[inside, 0].min() > 0.02
         assert answer["quantities"]["lift"]["mean"] == pytest.approx(rows[inside, 2].mean())
 
 
-def test_analyze_of_a_known_series(tmp_path):
+def test_analyze_of_a_known_series(tmp_path, typed):
     """An AR(1) series of known mean and error, in a LAMMPS-style table, forces on the grains."""
     rng, phi, n = np.random.default_rng(3), 0.9, 20_000
     noise = rng.standard_normal(n)
@@ -180,9 +207,9 @@ def test_analyze_of_a_known_series(tmp_path):
     table += "".join(f"{10 * i} {-(5.0 + v)} {-v}\n" for i, v in enumerate(values))
     (tmp_path / "mine.dat").write_text(table)
     options = ("--drag", "fx", "--lift", "v_fz", "--sign", "-1", "--time-step", "1e-5", "--json")
-    done = liftdrag("analyze", "mine.dat", *options, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    drag = json.loads(done.stdout)["quantities"]["drag"]
+    status, said, problem = typed("analyze", "mine.dat", *options, folder=tmp_path)
+    assert status == 0, problem
+    drag = json.loads(said)["quantities"]["drag"]
     exact = np.sqrt((1.0 + phi) / (1.0 - phi) / n)
     assert drag["mean"] == pytest.approx(5.0, abs=3.0 * exact)
     assert drag["standard_error"] == pytest.approx(exact, rel=0.25)
@@ -227,24 +254,24 @@ def test_analyze_of_a_contact_dump_of_a_real_run(tmp_path):
         (("--drag", "drug"), "drug"),
     ],
 )
-def test_analyze_refuses_options_without_sense(tmp_path, words, says):
+def test_analyze_refuses_options_without_sense(tmp_path, typed, words, says):
     (tmp_path / "mine.csv").write_text("time,drag,lift\n0,1,2\n1,2,3\n2,1,2\n")
-    done = liftdrag("analyze", "mine.csv", *words, folder=tmp_path)
-    assert done.returncode == 2
-    assert says in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    status, _, said = typed("analyze", "mine.csv", *words, folder=tmp_path)
+    assert status == 2
+    assert says in said
+    assert len(said.strip().splitlines()) == 1
 
 
-def test_analyze_of_a_folder_takes_no_options_of_files(ran):
-    done = liftdrag("analyze", "runs/tiny", "--sign", "-1", folder=ran[0])
-    assert done.returncode == 2
-    assert "--sign" in done.stderr
+def test_analyze_of_a_folder_takes_no_options_of_files(ran, typed):
+    status, _, said = typed("analyze", "runs/tiny", "--sign", "-1", folder=ran[0])
+    assert status == 2
+    assert "--sign" in said
 
 
-def test_a_case_of_ones_own_is_not_printed(ran):
-    done = liftdrag("cases", "tiny.toml", folder=ran[0])
-    assert done.returncode == 2
-    assert "not a packaged case" in done.stderr
+def test_a_case_of_ones_own_is_not_printed(ran, typed):
+    status, _, said = typed("cases", "tiny.toml", folder=ran[0])
+    assert status == 2
+    assert "not a packaged case" in said
 
 
 def test_the_table_fits_a_narrow_terminal():
@@ -256,8 +283,8 @@ def test_the_table_fits_a_narrow_terminal():
     assert max(map(len, text.splitlines())) <= 60
 
 
-def test_analyze_refuses_a_series_too_short(tmp_path):
+def test_analyze_refuses_a_series_too_short(tmp_path, typed):
     (tmp_path / "short.csv").write_text("time,drag,lift\n0,1,2\n1,2,3\n2,1,2\n")
-    done = liftdrag("analyze", "short.csv", folder=tmp_path)
-    assert done.returncode == 2
-    assert "No error bar" in done.stderr
+    status, _, said = typed("analyze", "short.csv", folder=tmp_path)
+    assert status == 2
+    assert "No error bar" in said

@@ -23,7 +23,7 @@ from liftdrag.deck.tank import build
 from liftdrag.deck.template import render, template
 from liftdrag.errors import CaseError
 from liftdrag.numerics import derive
-from liftdrag.packing.tank import TOLERANCE
+from liftdrag.packing.relaxation import TOLERANCE
 
 ROOT = Path(str(resources.files("liftdrag.templates")))
 D, DENSITY, RATIO = 1.5e-3, 2500.0, 60.0

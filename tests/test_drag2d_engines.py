@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_drag2d_run import _own_kernels  # noqa: F401 - used by its name alone
 from test_drag2d_scene import TINY, tiny, tiny_of
 
 from liftdrag.case import Case, load

@@ -22,7 +22,6 @@ from test_drag2d_scene import TINY, each_shape, tiny, tiny_of
 from liftdrag.case import Case
 from liftdrag.deck.drag2d import read_bed
 from liftdrag.dem import Bed, advance, forces
-from liftdrag.dem.compiled import _folder
 from liftdrag.engines.dem import main
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.numerics import derive
@@ -346,15 +345,6 @@ def test_workers_out_of_range_are_refused(ranks: int, tmp_path):
     with pytest.raises(InputError, match="--ranks"):
         run(tiny(), tmp_path / "out", ranks=ranks)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _own_kernels() -> None:
-    """Commands use the kernels that these tests have compiled, instead of compiling theirs."""
-    cache = Path(os.environ["XDG_CACHE_HOME"]) / "liftdrag"
-    cache.mkdir(parents=True, exist_ok=True)
-    if not (cache / "kernels").exists():
-        (cache / "kernels").symlink_to(Path(_folder()).parent)
 
 
 def command(*words: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:

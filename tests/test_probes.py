@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import pytest
 from conftest import tiny_tank
 
 import liftdrag.deck.template
+import liftdrag.doctor
 from liftdrag.cli import main
 from liftdrag.deck.dialect import LAMMPS_2023
 from liftdrag.deck.template import template
@@ -22,6 +26,7 @@ from liftdrag.engines.known import probed
 from liftdrag.engines.lammps import Lammps
 from liftdrag.engines.probes import NAMES, TANK, Probe, Subject, probe
 from liftdrag.errors import InputError
+from liftdrag.result import Result
 from liftdrag.runner import run
 
 every_engine = pytest.mark.parametrize("name", ENGINES)
@@ -62,13 +67,22 @@ def found_of(name: str, names: tuple[str, ...], subject: Subject = GRAINS) -> di
     return {found.name: found for found in probe(engine(name), subject, names)}
 
 
+@pytest.fixture(scope="module")
+def doctor() -> tuple[int, list[dict[str, Any]]]:
+    """Exit status of `liftdrag doctor --json`, and what it says of each engine."""
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
+        status = cli(patch, "doctor", "--json")
+    return status, json.loads(said.getvalue())
+
+
 @every_engine
-def test_sound_engine_passes_every_probe(name: str):
-    patient = examine(name)
-    assert patient.healthy
-    assert [found.name for found in patient.probes] == list(NAMES)
+def test_sound_engine_passes_every_probe(name: str, doctor: tuple[int, list[dict[str, Any]]]):
+    (patient,) = (found for found in doctor[1] if found["name"] == name)
+    assert patient["healthy"]
+    assert [found["name"] for found in patient["probes"]] == list(NAMES)
+    assert all(found["passed"] for found in patient["probes"])
     weight = 2500.0 * 4.0 / 3.0 * pi * 0.75e-3**3 * 9.81
-    measured = {found.name: found.measured for found in patient.probes}
+    measured = {found["name"]: found["measured"] for found in patient["probes"]}
     for wall in ("plane", "cylinder"):
         assert measured[f"{wall}_force"] == pytest.approx(weight, rel=1e-3)
         assert measured[f"{wall}_friction"] == pytest.approx(0.5, rel=1e-3)
@@ -79,7 +93,7 @@ def test_sound_engine_passes_every_probe(name: str):
 
 
 @every_engine
-@pytest.mark.parametrize(("restitution", "friction"), [(1.0, 0.1), (0.06, 0.0), (0.9, 5.0)])
+@pytest.mark.parametrize(("restitution", "friction"), [(1.0, 5.0), (0.06, 0.0)])
 def test_grains_of_any_kind_pass(name: str, restitution: float, friction: float):
     contact = replace(GRAINS.contact, restitution=restitution, friction=friction)
     found = found_of(name, TANK, Subject(contact, 4000.0))
@@ -161,6 +175,12 @@ def test_unknown_probe_is_refused():
         list(probe(engine("lammps"), GRAINS, ("luck",)))
 
 
+def test_run_records_the_probes_of_its_engine(result_of: Callable[[str], Result]):
+    probes = result_of("free surface").record["provenance"]["probes"]
+    assert [found["name"] for found in probes] == list(TANK)
+    assert all(found["passed"] for found in probes)
+
+
 class TestRun:
     """A run asks the probes first."""
 
@@ -179,12 +199,8 @@ class TestRun:
         self, templates, out: Path, monkeypatch, capsys
     ):
         templates(LAW, CLASSIC["hertz"])
-        failing = [
-            found.name for found in probe(engine("lammps"), GRAINS, TANK) if not found.passed
-        ]
-        assert "cylinder_friction" in failing
+        failing = [name for name in TANK if name.startswith("cylinder")]
         result = run(tiny_tank(), out, ignore_probes=failing)
-        assert len(failing) > 0
         for warning, name in zip(result.warnings, failing, strict=False):
             assert warning.startswith(f"THE ENGINE IS WRONG: lammps fails the probe {name}")
         record = json.loads((out / "result.json").read_text())
@@ -195,12 +211,6 @@ class TestRun:
         from liftdrag.runner import analyze
 
         assert analyze(out).warnings[: len(failing)] == result.warnings[: len(failing)]
-
-    def test_run_records_the_probes_of_its_engine(self, out: Path):
-        result = run(tiny_tank(), out)
-        probes = result.record["provenance"]["probes"]
-        assert [found["name"] for found in probes] == list(TANK)
-        assert all(found["passed"] for found in probes)
 
     def test_unknown_probe_to_ignore_is_refused(self, out: Path):
         with pytest.raises(InputError, match="There is no probe 'luck'"):
@@ -266,9 +276,9 @@ class TestDoctor:
     """`liftdrag doctor`."""
 
     @pytest.mark.needs("lmp", "liggghts")
-    def test_json_tells_of_every_engine(self, monkeypatch, capsys):
-        assert cli(monkeypatch, "doctor", "--json") == 0
-        patients = json.loads(capsys.readouterr().out)
+    def test_json_tells_of_every_engine(self, doctor):
+        status, patients = doctor
+        assert status == 0
         assert [patient["name"] for patient in patients] == list(ENGINES)
         assert all(patient["healthy"] for patient in patients)
         assert patients[1]["about"]["mpi"] == "Open MPI"
@@ -277,6 +287,8 @@ class TestDoctor:
 
     def test_table_shows_what_fails(self, monkeypatch, capsys, templates):
         templates(LAW, CLASSIC["hertz"])
+        few = ("pair_restitution", "pair_energy", "cylinder_friction")
+        monkeypatch.setattr(liftdrag.doctor, "probe", lambda *asked: probe(*asked, few))
         assert cli(monkeypatch, "doctor", "--engine", "lammps") == 1
         shown = capsys.readouterr()
         assert "FAILED" in shown.out
