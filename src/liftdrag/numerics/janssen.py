@@ -64,7 +64,7 @@ The wall's friction is at its limit, or grains roll, after 0.1 d; but in the mea
 8 d the load then rose by 17 % more, over about 3 d.
 """
 
-MOBILISE_NEXT = 0.4
+MOBILISE_NEXT = 0.3
 """The same after a layer was added to a column that has: only the layer has to forget."""
 
 ROWS, BLOCKS = 200, 20
