@@ -210,7 +210,7 @@ def test_each_wrong_key_has_its_own_sentence():
 @pytest.mark.parametrize("name", ["tnak", "", 3, ["tank"], True, None])
 def test_scene_that_does_not_exist_is_refused(name: object):
     error = refusal(CASE.set("scene", name))
-    assert (error.key, error.remedy) == ("scene", "choose one of 'tank', 'drag2d'")
+    assert (error.key, error.remedy) == ("scene", "choose one of 'tank', 'drag2d', 'janssen'")
 
 
 @pytest.mark.parametrize(
@@ -310,8 +310,8 @@ def test_name_of_no_packaged_case_is_refused(name: str):
 def test_packaged_case_makes_a_scene(name: str):
     case = load(name)
     assert case.name == name
-    tank = case.scene.scene == "tank"
-    assert (case.scene.grain_count if tank else case.scene.grains.count) > 100
+    planar = case.scene.scene == "drag2d"
+    assert (case.scene.grains.count if planar else case.scene.grain_count) > 100
 
 
 def test_case_file_is_named_after_its_file(tmp_path: Path):

@@ -125,7 +125,7 @@ def test_study_that_does_not_exist_is_refused():
 
 def test_packaged_studies_name_cases_that_load():
     names = sorted(packaged())
-    assert names == ["zhou/contact", "zhou/tables", "zhou/tables-20mm"]
+    assert names == ["janssen/mu_wall", "zhou/contact", "zhou/tables", "zhou/tables-20mm"]
     for name in names:
         plan = read(name)
         seeds = [one.set["seed"] for one in plan.runs.values()]
