@@ -134,7 +134,10 @@ def test_packaged_studies_name_cases_that_load():
             case = load(one.case)
             for key, value in (plan.set | one.set).items():
                 case = case.set(key, value)
-            assert case.scene.ensemble.runs == 40
+            if name.startswith("zhou/"):
+                assert case.scene.ensemble.runs == 40
+            else:
+                assert case.scene.scene == "janssen"
 
 
 def test_command_line_prints_runs_and_claims(study: Path, tmp_path: Path):
