@@ -441,7 +441,7 @@ def test_ellipses_on_an_engine_of_discs_are_refused(
 
 
 def test_tank_on_the_engine_of_the_plane_is_refused(command: Command, tmp_path):
-    with pytest.raises(InputError, match=r"dem has beds in the plane.*no tank; choose one of lammps"):
+    with pytest.raises(InputError, match=r"beds in the plane.*no tank; choose one of lammps"):
         run(tiny_tank(), tmp_path / "out", engine="dem")
     status, said = command("run", "quick", "--engine", "dem")
     assert status == 2
