@@ -739,8 +739,8 @@ def test_deck_with_a_wrong_number_is_refused(
 
 
 def test_folder_without_a_deck_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    refused(tmp_path, capsys)
-    refused(tmp_path / "none", capsys)
+    assert "to run" in refused(tmp_path, capsys)
+    assert "to run" in refused(tmp_path / "none", capsys)
 
 
 def test_run_of_too_soft_grains_ends_with_their_overlap(
