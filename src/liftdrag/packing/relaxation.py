@@ -7,6 +7,7 @@ the engine has only to settle.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Protocol
 
 import numpy as np
@@ -51,6 +52,11 @@ def relaxed(room: Room, start: np.ndarray) -> np.ndarray:
     return _Relaxation(room, start).run()
 
 
+def _dot(one: np.ndarray, other: np.ndarray) -> float:
+    """Sum of products, on this thread alone: BLAS would wait for threads that others keep busy."""
+    return float(np.einsum("ij,ij", one, other))
+
+
 class _Relaxation:
     def __init__(self, room: Room, centres: np.ndarray):
         self.room = room
@@ -64,7 +70,7 @@ class _Relaxation:
             force, worst = self._forces()
             if worst < TOLERANCE:
                 return self._wrapped()
-            power = np.vdot(force, velocity)
+            power = _dot(force, velocity)
             if power > 0.0:
                 downhill += 1
                 if downhill > 5:
@@ -73,7 +79,7 @@ class _Relaxation:
                 velocity[:] = 0.0
                 step, alpha, downhill = max(0.5 * step, 0.05), 0.1, 0
             velocity += step * force
-            scale = np.linalg.norm(velocity) / max(float(np.linalg.norm(force)), 1e-300)
+            scale = sqrt(_dot(velocity, velocity) / max(_dot(force, force), 1e-300))
             velocity = (1.0 - alpha) * velocity + alpha * scale * force
             move = np.clip(step * velocity, -0.1, 0.1)
             self.x += move
