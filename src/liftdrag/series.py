@@ -39,6 +39,11 @@ class Series:
     def __getitem__(self, name: str) -> np.ndarray:
         return self.channels[name]
 
+    def first(self, count: int) -> Series:
+        """The first `count` samples."""
+        channels = {name: values[:count] for name, values in self.channels.items()}
+        return Series(self.time[:count], channels, self.units)
+
     @property
     def interval(self) -> float:
         """Mean time between samples, in seconds."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -328,7 +328,7 @@ def _write(
     import pandas as pd
 
     rows = [
-        {"run": name, "quantity": quantity} | value.to_dict()
+        {"run": name, "quantity": quantity} | asdict(value)
         for name, result in results.items()
         for quantity, value in result.quantities.items()
     ]

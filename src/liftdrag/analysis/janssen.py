@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, pi, sqrt
+from math import hypot, inf, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,9 @@ from liftdrag.analysis.janssen_curve import CurvePoint, curve_points, curve_tabl
 from liftdrag.analysis.janssen_curve import FillWindow as FillWindow
 from liftdrag.analysis.janssen_curve import sense as sense
 from liftdrag.analysis.janssen_fit import JanssenFit, apparent_mass, fit_one, fit_two, with_scatter
+from liftdrag.analysis.janssen_stop import LEAST_WAY
 from liftdrag.analysis.quantity import Quantity, ratio, rounded
+from liftdrag.analysis.stopping import reached
 from liftdrag.profile import Profile
 from liftdrag.scene import JanssenScene
 from liftdrag.series import Series
@@ -218,6 +220,7 @@ def _warnings(
     quantities: Mapping[str, Quantity],
 ) -> Iterator[str]:
     yield from _series_warnings(points)
+    yield from _missed(scene, points)
     if scene.drive.motion == "none":
         yield (
             "Nothing moves: the wall's friction is what the filling left, not its limit, and so "
@@ -250,6 +253,26 @@ def _series_warnings(points: Sequence[CurvePoint]) -> Iterator[str]:
         yield (
             f"Out of balance: in {_named(off, points)} piston and tube do not carry the weight "
             f"but, at worst, {_shown(worst)} of it: the grains are not in steady motion."
+        )
+
+
+def _missed(scene: JanssenScene, points: Sequence[CurvePoint]) -> Iterator[str]:
+    """What there is to say of fills that do not reach the targets of a stop."""
+    drive, targets = scene.drive, scene.targets
+    way = inf if drive.distance is None else drive.distance / scene.grains.diameter
+    loads = [{"apparent_mass": point.apparent_mass} for point in points]
+    short = [k for k, found in enumerate(loads) if not reached(targets, found)]
+    if targets and way < LEAST_WAY:
+        yield (
+            f"[stop] had no effect: a load is not known before its packing is forgotten, over "
+            f"{LEAST_WAY:g} d of the wall's way, and drive.distance is {way:.2g} d; raise it."
+        )
+    elif short:
+        worst = max(points[k].apparent_mass.standard_error for k in short)
+        longer = "distance" if drive.duration is None else "duration"
+        yield (
+            f"Not known as well as [stop] asks: the apparent_mass of {_named(short, points)}; its "
+            f"standard error is up to {worst:.3g} kg; raise drive.{longer}."
         )
 
 

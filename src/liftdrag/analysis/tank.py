@@ -29,6 +29,8 @@ Surface = tuple[float, np.ndarray]
 NOTICED = 0.01
 """Relative error of a far-field quantity above which few correlation times are worth a word."""
 
+FORCES = frozenset({"drag", "lift"})
+
 _FAR_FIELD = ("solid_fraction", "depth", "overburden", "bed_speed_ratio")
 
 
@@ -39,6 +41,12 @@ class Answers:
     quantities: dict[str, Quantity]
     window: SteadyWindow
     warnings: tuple[str, ...]
+
+
+def forces(scene: TankScene, series: Series) -> dict[str, Quantity]:
+    """Drag and lift alone of the steady window. Raises InputError as `answers` does."""
+    window = _window(scene, series)
+    return {name: _average(series, name, window) for name in sorted(FORCES)}
 
 
 def answers(scene: TankScene, series: Series, surfaces: Iterable[Surface]) -> Answers:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -17,3 +17,4 @@ class Choices(Part):
     skin: Length | None = None
     sample_every: Annotated[int, Field(ge=1, le=1000)] | None = None
     settle_time: Time | None = None
+    pair_law: Literal["granular", "hertz/history"] = "granular"

@@ -6,6 +6,7 @@ width to a given solid fraction, which sets its height; a cylinder is pulled upw
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi, sqrt
 from typing import Annotated, Literal
 
@@ -16,12 +17,16 @@ from liftdrag.errors import CaseError, at_least, at_most
 from liftdrag.scene.material import Material
 from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Length, Speed, Time
+from liftdrag.scene.stop import Stop, Target
 
 DENSEST = 0.95
 """Solid fraction that no random packing of these shapes comes near."""
 
 MOST_ASPECT = 5.0
 """Aspect ratio up to which the contact of ellipses is tested."""
+
+STOPS = ("drag", "lift", "irregularity")
+"""What an ensemble may be stopped by, when it is known well enough."""
 
 
 class PlanarGrains(Material):
@@ -78,7 +83,7 @@ class Pull(Part):
 
 
 class Ensemble(Part):
-    """`runs` random packings; the answer is their mean."""
+    """`runs` random packings, or fewer where a stop ends them; the answer is their mean."""
 
     runs: Annotated[int, Field(ge=2, le=10_000)]
 
@@ -100,6 +105,7 @@ class Drag2DScene(Part):
     intruder: Pulled
     drive: Pull
     ensemble: Ensemble
+    stop: Stop | None = None
     numerics: PlanarChoices = PlanarChoices()
 
     @property
@@ -114,8 +120,14 @@ class Drag2DScene(Part):
         area = pi * self.grains.diameter**2 / 4.0
         return self.grains.density * area * self.box.thickness
 
+    @property
+    def targets(self) -> Mapping[str, Target]:
+        """How well each quantity must be known for no more packings; none without a stop."""
+        return self.stop.targets(STOPS) if self.stop else {}
+
     @model_validator(mode="after")
     def _check(self) -> Drag2DScene:
+        self.targets  # noqa: B018 - a stop that cannot be is refused
         _check_shape(self.grains)
         _check_box(self)
         _check_path(self)

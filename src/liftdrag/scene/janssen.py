@@ -6,6 +6,7 @@ piston moves slowly against the tube, so that the friction of the wall is mobili
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot, log, pi, sqrt
 from typing import Annotated, Literal
 
@@ -15,6 +16,7 @@ from liftdrag import granular, hertz
 from liftdrag.errors import CaseError, at_least, at_most
 from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Density, Length, Mass, Modulus, Speed, Stiffness, Time
+from liftdrag.scene.stop import Stop, Target
 
 SETTLED_FRACTION = 0.62
 """Solid fraction expected of a settled column over (1 - d/(2 D))^2: the wall keeps grains away.
@@ -28,6 +30,9 @@ LOOSEST = 0.92
 LEAST_RESTITUTION = 0.01
 
 MOST_GRAINS = 5_000_000
+
+STOPS = ("apparent_mass",)
+"""What the average of a fill may be stopped by, when it is known well enough."""
 
 TANGENTIAL_RATIO = 2.0 / 7.0
 """Tangential over normal stiffness of the linear contact."""
@@ -138,6 +143,7 @@ class JanssenScene(Part):
     fill: Fill
     drive: PistonDrive
     overload: Overload | None = None
+    stop: Stop | None = None
     numerics: PistonChoices = PistonChoices()
 
     @property
@@ -191,8 +197,14 @@ class JanssenScene(Part):
         volume = count * granular.sphere_volume(self.grains.diameter)
         return volume / (share * self.settled_fraction * self.tube.section)
 
+    @property
+    def targets(self) -> Mapping[str, Target]:
+        """How well each fill's load must be known for its average to end; none without a stop."""
+        return self.stop.targets(STOPS) if self.stop else {}
+
     @model_validator(mode="after")
     def _check(self) -> JanssenScene:
+        self.targets  # noqa: B018 - a stop that cannot be is refused
         _check_law(self.grains)
         _check_tube(self)
         _check_fill(self)

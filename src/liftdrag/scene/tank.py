@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -13,6 +14,7 @@ from liftdrag.scene.grains import Grains
 from liftdrag.scene.intruder import Intruder
 from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Length, Speed
+from liftdrag.scene.stop import Stop, Target
 
 LID_DEPTH = 16.0
 """Depth in intruder diameters at which the paper puts a lid; nearer, the lid is felt."""
@@ -39,6 +41,9 @@ TRANSIENT = 2.0
 """Displacement in intruder diameters before the flow is steady (the paper's section III A)."""
 
 MAX_GRAINS = 20_000_000
+
+STOPS = ("drag", "lift", "drag_coefficient", "lift_coefficient", "drag_coefficient_overburden")
+"""What a run may be stopped by, when it is known well enough."""
 
 
 class TankBox(Part):
@@ -76,6 +81,7 @@ class TankScene(Part):
     intruder: Intruder
     lid: Lid | None = None
     drive: Drive
+    stop: Stop | None = None
     numerics: Choices = Choices()
 
     @property
@@ -128,8 +134,14 @@ class TankScene(Part):
         area = volume / (PACKED_FRACTION * self.tank.thickness) + self.intruder.section
         return FLOOR * self.grains.diameter + area / self.tank.length
 
+    @property
+    def targets(self) -> Mapping[str, Target]:
+        """How well each quantity must be known for the run to end early; none without a stop."""
+        return self.stop.targets(STOPS) if self.stop else {}
+
     @model_validator(mode="after")
     def _check(self) -> TankScene:
+        self.targets  # noqa: B018 - a stop that cannot be is refused
         _check_intruder(self)
         _check_tank(self)
         _check_lid(self)
