@@ -65,7 +65,10 @@ def build(
     text = render(f"{dialect.folder}/janssen.in.j2", context)
     check_commands(text)
     texts = {START: text, "column.data": _data_file(scene, numerics, column)}
-    return Deck(texts, plan_of(numerics, ranks, START, {"forces.dat": CHANNELS}))
+    if scene.stop and dialect is LIGGGHTS:
+        numbers = range(1, len(numerics.levels) + 1)
+        texts |= {f"stop-{number}.lmp": "variable good_enough equal 0\n" for number in numbers}
+    return Deck(texts, plan_of(scene, numerics, ranks, START, {"forces.dat": CHANNELS}))
 
 
 def check_contact(scene: JanssenScene, dialect: Dialect) -> None:
@@ -90,7 +93,11 @@ def check_contact(scene: JanssenScene, dialect: Dialect) -> None:
 
 
 def plan_of(
-    numerics: JanssenNumerics, ranks: int, start: str, series: Mapping[str, Mapping[str, str]]
+    scene: JanssenScene,
+    numerics: JanssenNumerics,
+    ranks: int,
+    start: str,
+    series: Mapping[str, Mapping[str, str]],
 ) -> Plan:
     """What the deck of a column promises: all fills in one stage, and the files of its series."""
     levels = numerics.levels
@@ -102,6 +109,7 @@ def plan_of(
         row_every=numerics.row_every.value,
         series=series,
         fills=[(level.count, level.start, level.mobilised, level.end) for level in levels],
+        stoppable=scene.stop is not None,
     )
 
 
@@ -112,6 +120,7 @@ def _context(
     context = law(scene, numerics.stiffness.value, dialect)
     context |= _set_up(scene, numerics, column) | _steps(numerics) | _bounds(numerics)
     words = {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
+    words |= {"stoppable": scene.stop is not None, "averaging": f"{dialect.folder}/average.j2"}
     fills = [render("fill.j2", words | fill) for fill in _fills(numerics)]
     return words | {"fills": "".join(fills)}
 
@@ -251,9 +260,11 @@ def _fills(numerics: JanssenNumerics) -> Iterator[dict[str, int]]:
             "last": level.count,
             "start": level.start,
             "end": level.end,
+            "steps": level.end - level.start,
             "settle": level.settled - level.start,
             "mobilise": level.mobilised - level.settled,
             "average": level.end - level.mobilised,
+            "pieces": (level.end - level.mobilised) // numerics.block_every.value,
         }
         first = level.count + 1
 

@@ -13,13 +13,14 @@ from math import inf
 from typing import Any
 
 from liftdrag import hertz
+from liftdrag.classic import Classic
 from liftdrag.errors import CaseError
 
 RIGID = 1e12
 """Modulus of a rigid wall over that of the grains, where an engine wants a number."""
 
 LEAST_RESTITUTION = 0.05
-"""The restitution that LIGGGHTS needs to be exceeded."""
+"""The restitution that LIGGGHTS and LAMMPS' classic law need to be exceeded."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Contact:
 
     `youngs_modulus` in Pa; `radius` of a grain and `wall_radius`, of a convex cylinder or,
     negative, of a concave one, in m. A `rigid` wall does not deform, another is of the
-    grains' material.
+    grains' material. With `classic`, grains meet each other, not the wall, by LAMMPS' older law.
     """
 
     youngs_modulus: float
@@ -38,6 +39,7 @@ class Contact:
     radius: float
     wall_radius: float = inf
     rigid: bool = False
+    classic: Classic | None = None
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,34 @@ def _lammps_2021(contact: Contact, _types: int) -> dict[str, Any]:
 def _granular(contact: Contact) -> dict[str, Any]:
     return _in_house(contact, 1) | {
         "tangential_damping": hertz.tangential_damping(contact.poisson_ratio),
+        "classic": _classic(contact),
     }
+
+
+def _classic(contact: Contact) -> str:
+    """The numbers of `gran/hertz/history`: moduli, dampings, friction, damping sideways on."""
+    if contact.classic is None:
+        return ""
+    _check_restitution(contact, "LAMMPS' gran/hertz/history", "leave numerics.pair_law out")
+    modulus, nu, damping = contact.youngs_modulus, contact.poisson_ratio, contact.classic.damping
+    numbers = (
+        4.0 / 3.0 * hertz.effective_modulus(modulus, nu),
+        2.0 * modulus / ((1.0 + nu) * (2.0 - nu)),
+        damping,
+        damping * hertz.tangential_damping(nu),
+        contact.friction,
+    )
+    return " ".join(f"{number:.10g}" for number in numbers) + " 1"
+
+
+def _check_restitution(contact: Contact, who: str, instead: str) -> None:
+    if contact.restitution <= LEAST_RESTITUTION:
+        raise CaseError(
+            "grains.restitution",
+            contact.restitution,
+            f"{who} has no restitution so low",
+            f"make it more than {LEAST_RESTITUTION}, or {instead}",
+        )
 
 
 def _wall_modulus(contact: Contact) -> float:
@@ -103,12 +132,13 @@ def _in_house(contact: Contact, _types: int) -> dict[str, Any]:
 
 
 def _liggghts(contact: Contact, types: int) -> dict[str, Any]:
-    if contact.restitution <= LEAST_RESTITUTION:
+    _check_restitution(contact, "LIGGGHTS", "choose another engine")
+    if contact.classic is not None:
         raise CaseError(
-            "grains.restitution",
-            contact.restitution,
-            "LIGGGHTS has no restitution so low",
-            f"make it more than {LEAST_RESTITUTION}, or choose another engine",
+            "numerics.pair_law",
+            "hertz/history",
+            "LIGGGHTS has no such law",
+            "leave it out, or choose --engine lammps or lmp",
         )
     moduli = [contact.youngs_modulus] * types
     if contact.rigid:

@@ -48,7 +48,7 @@ def build(
     """
     if dialect is not IN_HOUSE:
         return family.build(scene, numerics, column, name, version, ranks, dialect)
-    plan = family.plan_of(numerics, ranks, START, {FORCES: CHANNELS})
+    plan = family.plan_of(scene, numerics, ranks, START, {FORCES: CHANNELS})
     file = BytesIO()
     np.savez(file, allow_pickle=False, grains=column.grains, lid=column.lid)
     return Deck({START: _text(scene, numerics, ranks)}, plan, {GRAINS: file.getvalue()})

@@ -16,7 +16,8 @@ class Plan:
     `series` names each output file and its channels with their units; a row
     comes every `row_every` steps of `time_step` seconds. `fills` of a column, where it is one:
     for each the number of grains, and the steps of its start and of those between which it is
-    averaged.
+    averaged; after a run, as it was. A `stoppable` deck, or the average of each of its fills,
+    ends early when it is told to.
     """
 
     start: str
@@ -26,6 +27,7 @@ class Plan:
     row_every: int
     series: Mapping[str, Mapping[str, str]]
     fills: Sequence[tuple[int, int, int, int]] = ()
+    stoppable: bool = False
 
 
 @dataclass(frozen=True)

@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from io import StringIO
 from typing import Any
 
 import numpy as np
 
 from liftdrag import granular
+from liftdrag.classic import Classic, classic
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
-from liftdrag.numerics.tank import STEP_BOUND, TankNumerics
+from liftdrag.numerics.tank import STEP_BOUND, TankNumerics, impact_speed
 from liftdrag.packing import Container, random_bed, square_layer
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import FLOOR
+
+PIECES = 200
+"""Pieces of a run of LIGGGHTS, after each of which it may end early."""
+
+
+@dataclass(frozen=True)
+class Bed:
+    """Where grains are: `positions` (n, 3) in m; `types` (n,): grains 1, bottom layer 2, lid 3.
+
+    A `settled` bed has been at rest under its load, another is as packed.
+    """
+
+    positions: np.ndarray
+    types: np.ndarray
+    settled: bool = False
 
 
 def build(
@@ -29,29 +46,37 @@ def build(
     ranks: int = 1,
     dump: bool = False,
     dialect: Dialect = LAMMPS,
+    bed: Bed | None = None,
 ) -> Deck:
-    """The deck of a tank; `dump` adds a trajectory.
+    """The deck of a tank; `dump` adds a trajectory. Without a `bed` one is packed.
 
     Raises InputError when packing fails, CaseError when the dialect cannot say the case.
     """
     _check_skin(scene, numerics, dialect)
-    positions, types = _bed(scene)
-    context = _context(scene, numerics, dialect) | {
-        "program": dialect.program,
-        "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
-        "version": version,
-        "ranks": ranks,
-        "trajectory_every": numerics.trajectory_every.value if dump else 0,
-    }
+    bed = bed or packed(scene)
+    context = (
+        _context(scene, numerics, dialect)
+        | _pieces(scene, numerics)
+        | {
+            "program": dialect.program,
+            "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
+            "version": version,
+            "ranks": ranks,
+            "settled": bed.settled,
+            "trajectory_every": numerics.trajectory_every.value if dump else 0,
+        }
+    )
     texts = {
         "in.tank": render(f"{dialect.folder}/tank.in.j2", context),
-        "grains.data": _data_file(scene, positions, types),
+        "grains.data": _data_file(scene, bed),
     }
+    if scene.stop and dialect is LIGGGHTS:
+        texts["stop.lmp"] = "variable good_enough equal 0\n"
     check_commands(texts["in.tank"])
-    return Deck(texts, _plan(numerics, ranks))
+    return Deck(texts, _plan(scene, numerics, ranks))
 
 
-def _plan(numerics: TankNumerics, ranks: int) -> Plan:
+def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:
     return Plan(
         start="in.tank",
         ranks=ranks,
@@ -65,11 +90,25 @@ def _plan(numerics: TankNumerics, ranks: int) -> Plan:
             "forces.dat": {"drag": "N", "lift": "N"},
             "bed.dat": {"bed_speed": "m/s", "solid_fraction": "1", "overburden": "Pa"},
         },
+        stoppable=scene.stop is not None,
     )
 
 
-def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (n, 3) in metres and types (n,): grains 1, bottom layer 2, lid 3."""
+def _pieces(scene: TankScene, numerics: TankNumerics) -> dict[str, Any]:
+    """A run that may end early, in whole rows; what is left over is run first."""
+    drive, row = numerics.drive_steps.value, numerics.row_every.value
+    steps = row * max(drive // (PIECES * row), 1)
+    pieces = max(drive // steps, 1)
+    return {
+        "stoppable": scene.stop is not None,
+        "pieces": pieces,
+        "piece_steps": min(steps, drive),
+        "left_steps": max(drive - pieces * steps, 0),
+    }
+
+
+def packed(scene: TankScene) -> Bed:
+    """The bed of a scene, packed at random. Raises InputError when its grains do not fit."""
     d, box = scene.grains.diameter, scene.tank
     length, thickness, height = box.length / d, box.thickness / d, scene.packed_height / d
     bottom = square_layer(length, thickness, 0.5)
@@ -87,27 +126,30 @@ def _bed(scene: TankScene) -> tuple[np.ndarray, np.ndarray]:
     if scene.lid is not None:
         layers.append(square_layer(length, thickness, height + 0.5))
     types = np.repeat(np.arange(1, len(layers) + 1), [len(layer) for layer in layers])
-    return np.concatenate(layers) * d, types
+    return Bed(np.concatenate(layers) * d, types)
 
 
 def _headroom(scene: TankScene) -> float:
     return scene.packed_height + 10.0 * scene.grains.diameter + 3.0 * scene.intruder.diameter
 
 
-def _data_file(scene: TankScene, positions: np.ndarray, types: np.ndarray) -> str:
-    grains, box = scene.grains, scene.tank
+def _data_file(scene: TankScene, bed: Bed) -> str:
+    grains, box, types = scene.grains, scene.tank, bed.types
+    made = "settled" if bed.settled else "packed"
     density = np.full(len(types), grains.density)
     if scene.lid is not None:
         density[types == 3] *= scene.lid.density_ratio
     out = StringIO()
-    out.write("Grains packed by liftdrag: id type diameter density x y z\n\n")
+    out.write(f"Grains {made} by liftdrag: id type diameter density x y z\n\n")
     out.write(f"{len(types)} atoms\n{types.max()} atom types\n")
     out.write(f"0 {box.length:.12g} xlo xhi\n0 {box.thickness:.12g} ylo yhi\n")
     out.write(f"0 {_headroom(scene):.12g} zlo zhi\n\nAtoms\n\n")
     rows = np.column_stack(
         [np.arange(1, len(types) + 1), types, np.full(len(types), grains.diameter), density]
     )
-    np.savetxt(out, np.column_stack([rows, positions]), fmt="%d %d %.12g %.12g %.15g %.15g %.15g")
+    np.savetxt(
+        out, np.column_stack([rows, bed.positions]), fmt="%d %d %.12g %.12g %.15g %.15g %.15g"
+    )
     return out.getvalue()
 
 
@@ -132,7 +174,14 @@ def contact_of(scene: TankScene) -> Contact:
         friction=grains.friction,
         radius=grains.diameter / 2.0,
         wall_radius=scene.intruder.diameter / 2.0,
+        classic=_classic(scene) if scene.numerics.pair_law == "hertz/history" else None,
     )
+
+
+def _classic(scene: TankScene) -> Classic:
+    grains, speed = scene.grains, impact_speed(scene)
+    radius, mass = grains.diameter / 4.0, grains.mass / 2.0
+    return classic(grains.restitution, grains.stiffness, radius, mass, speed)
 
 
 def _bounds(dialect: Dialect, numerics: TankNumerics) -> dict[str, Any]:
@@ -177,6 +226,7 @@ def _geometry(scene: TankScene) -> dict[str, Any]:
         "axis_z": scene.axis_height,
         "cylinder_radius": scene.intruder.diameter / 2.0,
         "drive_speed": scene.drive.speed,
+        "rolls": scene.grains.friction > 0.0,
     }
 
 

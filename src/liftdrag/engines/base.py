@@ -20,6 +20,10 @@ Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps planned."""
 
 
+Enough = Callable[[Series], bool]
+"""Called with the series so far: whether the run may end."""
+
+
 def silent(_stage: str, _done: int, _total: int) -> None:
     """No progress shown."""
 
@@ -28,8 +32,9 @@ def silent(_stage: str, _done: int, _total: int) -> None:
 class Outcome:
     """How a run ended, decided from evidence; `status` is "finished" or the reason in a word.
 
-    `loop_s` is the time on the clock of the engine's loops, `cpu_s` the processor
-    time of all its ranks, in seconds.
+    `stopped_by` is "precision" where it had enough, "request" where somebody else wrote its file
+    STOP, or "distance". `loop_s` is the time on the clock of the engine's loops, `cpu_s` the
+    processor time of all its ranks, in seconds.
     """
 
     status: str
@@ -42,6 +47,7 @@ class Outcome:
     grains: int
     loop_s: float
     cpu_s: float
+    stopped_by: str = "distance"
 
 
 @dataclass(frozen=True)
@@ -84,8 +90,15 @@ class Engine(Protocol):
     def release(self) -> None:
         """As rank 0 of an MPI job: tell the other ranks that there is nothing to run."""
 
-    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
-        """Carry out the plan of a deck already written to `folder`.
+    def run(
+        self,
+        plan: Plan,
+        folder: Path,
+        progress: Progress,
+        alone: bool = False,
+        enough: Enough | None = None,
+    ) -> Outcome:
+        """Carry out the plan of a deck already written to `folder`, until there is `enough`.
 
         On the ranks of the MPI job that liftdrag was started in or, `alone`, outside of it.
         """

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from liftdrag.deck import Plan
+from liftdrag.engines.fills import as_they_were, early, ends_in
+from liftdrag.engines.stopper import PRECISION, STOP, stop_files
 from liftdrag.errors import InputError
 from liftdrag.tables import read_table
 
@@ -63,19 +65,51 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
         return "killed", "the engine was ended by a signal from outside"
     if end is None:
         return "engine_error", "the engine stopped before the end of the deck"
-    last = list(plan.stages.values())[-1]
-    if int(end[1]) != last:
+    last = _last_step(plan, folder, log)
+    if int(end[1]) != last and stopped_by(plan, folder, log) == "distance":
         return "engine_error", f"the engine ended at step {end[1]}, not {last}"
-    return _judge_series(plan, folder)
+    return _judge_series(plan, folder, int(end[1]))
 
 
-def _judge_series(plan: Plan, folder: Path) -> tuple[str, str]:
+def stopped_by(plan: Plan, folder: Path, log: str) -> str:
+    """What ended the run, or all its fills: "precision" or "request" by its file, or "distance"."""
+    if plan.fills:
+        return _fills_stopped_by(plan, folder, log)
+    end = _END.search(log)
+    early = end is not None and int(end[1]) < list(plan.stages.values())[-1]
+    if not (plan.stoppable and early and (folder / STOP).exists()):
+        return "distance"
+    return PRECISION if text(folder / STOP) == PRECISION else "request"
+
+
+def _fills_stopped_by(plan: Plan, folder: Path, log: str) -> str:
+    files = _files_of_early(plan, folder, log)
+    if len(files) < len(plan.fills) or not all(file.exists() for file in files):
+        return "distance"
+    return PRECISION if {text(file) for file in files} == {PRECISION} else "request"
+
+
+def _files_of_early(plan: Plan, folder: Path, log: str) -> list[Path]:
+    """For each fill that ended early, the file that asked for it."""
+    numbers = early(plan, as_they_were(plan, ends_in(log))) if plan.stoppable else []
+    return [folder / stop_files(number)[1] for number in numbers]
+
+
+def _last_step(plan: Plan, folder: Path, log: str) -> int:
+    """The step at which a deck ends: earlier than planned where files ended fills early."""
+    files = _files_of_early(plan, folder, log)
+    if files and all(file.exists() for file in files):
+        return ends_in(log)[-1]
+    return list(plan.stages.values())[-1]
+
+
+def _judge_series(plan: Plan, folder: Path, last: int) -> tuple[str, str]:
     for name, channels in plan.series.items():
         try:
             table = read_table(folder / name, "ave-time")
         except InputError as error:
             return "engine_error", str(error)
-        if plan.stages["drive"] - table["TimeStep"].max() >= plan.row_every:
+        if last - table["TimeStep"].max() >= plan.row_every:
             return "engine_error", f"{name} ends at step {table['TimeStep'].max():.0f}"
         if not np.isfinite(table[[f"v_{channel}" for channel in channels]].to_numpy()).all():
             return "not_finite", f"{name} holds values that are not finite numbers"

@@ -23,10 +23,12 @@ from liftdrag.deck.dialect import IN_HOUSE
 from liftdrag.deck.drag2d import NUMBERS
 from liftdrag.deck.janssen import START
 from liftdrag.engines import dem_column, dem_planar, mpi
-from liftdrag.engines.base import About, Outcome, Progress, silent
+from liftdrag.engines.base import About, Enough, Outcome, Progress, silent
 from liftdrag.engines.dem_column import ColumnDeck
 from liftdrag.engines.dem_planar import PlanarDeck
+from liftdrag.engines.fills import early, read_fills
 from liftdrag.engines.samples import Ran, read_samples
+from liftdrag.engines.stopper import PRECISION
 from liftdrag.errors import InputError
 from liftdrag.profile import Profile
 from liftdrag.series import Series
@@ -81,11 +83,18 @@ class InHouse:
     def release(self) -> None:
         """Nobody waits."""
 
-    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
-        """Carry out the deck in pieces."""
+    def run(
+        self,
+        plan: Plan,
+        folder: Path,
+        progress: Progress,
+        alone: bool = False,
+        enough: Enough | None = None,
+    ) -> Outcome:
+        """Carry out the deck in pieces; the average of each fill of a column until `enough`."""
         deck = _read(folder)
         start = time.perf_counter()
-        ran, cpu_s = _aside(deck, folder, progress)
+        ran, cpu_s = _aside(deck, folder, progress, enough)
         loop_s = time.perf_counter() - start
         status, reason = _ENDS[ran.status]
         about = self.about()
@@ -100,6 +109,7 @@ class InHouse:
             grains=deck.grains,
             loop_s=loop_s,
             cpu_s=cpu_s,
+            stopped_by=_stopped_by(plan, folder),
         )
 
     def series(self, plan: Plan, folder: Path) -> Series:
@@ -120,11 +130,21 @@ class InHouse:
         return dem_column.profiles(folder) if plan.fills else iter(())
 
 
+def _stopped_by(plan: Plan, folder: Path) -> str:
+    """What ended all fills of a column: "precision", or "distance"."""
+    if not plan.fills:
+        return "distance"
+    ended = early(plan, read_fills(folder))
+    return PRECISION if len(ended) == len(plan.fills) else "distance"
+
+
 class _Halted(Exception):
     """The user stopped the run."""
 
 
-def _aside(deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress) -> tuple[Ran, float]:
+def _aside(
+    deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress, enough: Enough | None
+) -> tuple[Ran, float]:
     """How the deck ended in a thread of its own, and the processor time (s) that it took.
 
     A signal that arrives in compiled code would end the process; here it is obeyed between two
@@ -138,7 +158,7 @@ def _aside(deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress) -> t
         progress(stage, done, total)
 
     with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(_carried_out, deck, folder, look)
+        running = pool.submit(_carried_out, deck, folder, look, enough)
         try:
             return running.result()
         except KeyboardInterrupt:
@@ -147,14 +167,14 @@ def _aside(deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress) -> t
 
 
 def _carried_out(
-    deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress
+    deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress, enough: Enough | None
 ) -> tuple[Ran, float]:
     if isinstance(deck, PlanarDeck):
         start = time.thread_time()
         return dem_planar.run(deck, folder, progress), time.thread_time() - start
     clock = time.thread_time if deck.numbers.run.threads == 1 else time.process_time
     start = clock()
-    return dem_column.run(deck, folder, progress), clock() - start
+    return dem_column.run(deck, folder, progress, enough), clock() - start
 
 
 def _read(folder: Path) -> PlanarDeck | ColumnDeck:

@@ -27,11 +27,13 @@ from liftdrag.dem import (
     touching,
     walton_braun,
 )
-from liftdrag.engines.base import Progress
+from liftdrag.engines.base import Enough, Progress
+from liftdrag.engines.fills import Fill, write_fills
 from liftdrag.engines.samples import Ran, write_samples
 from liftdrag.errors import InputError
 from liftdrag.profile import SLIDING, Profile
 from liftdrag.scene.model import Part
+from liftdrag.series import Series
 
 PROFILES = "profiles.npz"
 _SUMS = (
@@ -158,13 +160,17 @@ def law_of(contact: _Contact) -> Law:
     return walton_braun(contact.stiffness, contact.restitution, contact.friction)
 
 
-def run(deck: ColumnDeck, folder: Path, progress: Progress) -> Ran:
-    """The column filled level by level; it ends early where a piece does."""
-    filling = _Filling(deck, progress)
+def run(deck: ColumnDeck, folder: Path, progress: Progress, enough: Enough | None = None) -> Ran:
+    """The column filled level by level; it ends early where a piece does.
+
+    The average of a fill ends early where its series is `enough`.
+    """
+    filling = _Filling(deck, progress, enough or (lambda _: False))
     status = filling.run()
     interval = deck.numbers.run.row_every * deck.numbers.run.time_step
     write_samples(folder / FORCES, CHANNELS, interval, filling.rows())
     _write_profiles(folder, filling.profiles)
+    write_fills(folder, filling.fills)
     last = filling.pieces[-1]
     return Ran(status, filling.done, float(last.overlap.max(initial=0.0)))
 
@@ -172,14 +178,15 @@ def run(deck: ColumnDeck, folder: Path, progress: Progress) -> Ran:
 class _Filling:
     """The column on its way, and what was sampled."""
 
-    def __init__(self, deck: ColumnDeck, progress: Progress):
-        self.deck, self.progress = deck, progress
+    def __init__(self, deck: ColumnDeck, progress: Progress, enough: Enough):
+        self.deck, self.progress, self.enough = deck, progress, enough
         self.run_numbers = deck.numbers.run
         self.law = law_of(deck.numbers.contact)
         self.column = _empty(deck)
         self.pieces: list[Fallen] = []
         self.grains: list[int] = []
         self.profiles: list[Profile] = []
+        self.fills: list[Fill] = []
         self.done = 0
 
     def run(self) -> int:
@@ -187,14 +194,38 @@ class _Filling:
         count = 0
         for more, start, settled, mobilised, end in self.run_numbers.fills:
             self.column = _filled(self.column, self.deck, count, more)
-            count = more
-            phases = ((start, settled, True), (settled, mobilised, False), (mobilised, end, False))
-            for begin, stop, settling in phases:
-                for _ in range(begin, stop, self.run_numbers.block_every):
-                    status = self._block(settling, averaged=begin == mobilised)
-                    if status != dem.FINE:
-                        return status
+            count, begin = more, self.done
+            for steps, settling in ((settled - start, True), (mobilised - settled, False)):
+                if (status := self._phase(steps, settling)) != dem.FINE:
+                    return status
+            average_from = self.done
+            if (status := self._average(end - mobilised)) != dem.FINE:
+                return status
+            self.fills.append((count, begin, average_from, self.done))
         return dem.FINE
+
+    def _phase(self, steps: int, settling: bool) -> int:
+        for _ in range(0, steps, self.run_numbers.block_every):
+            if (status := self._block(settling, averaged=False)) != dem.FINE:
+                return status
+        return dem.FINE
+
+    def _average(self, steps: int) -> int:
+        """Through the average of a fill, until it is known well enough."""
+        first = len(self.pieces)
+        for _ in range(0, steps, self.run_numbers.block_every):
+            status = self._block(settling=False, averaged=True)
+            if status != dem.FINE or self.enough(self._series(first)):
+                return status
+        return dem.FINE
+
+    def _series(self, first: int) -> Series:
+        """The samples from a piece on."""
+        rows = self.rows(first)
+        interval = self.run_numbers.row_every * self.run_numbers.time_step
+        last = self.done // self.run_numbers.row_every
+        moment = np.arange(last - len(rows) + 1, last + 1) * interval
+        return Series(moment, dict(zip(CHANNELS, rows.T, strict=True)), CHANNELS)
 
     def _block(self, settling: bool, averaged: bool) -> int:
         numbers = self.run_numbers
@@ -229,8 +260,8 @@ class _Filling:
         self.progress("drive", self.done, self.deck.steps)
         return piece.status
 
-    def rows(self) -> np.ndarray:
-        """Samples (r, c) in the order of CHANNELS."""
+    def rows(self, first: int = 0) -> np.ndarray:
+        """Samples (r, c) from a piece on, in the order of CHANNELS."""
         each = [
             np.column_stack(
                 [
@@ -242,7 +273,7 @@ class _Filling:
                     piece.overlap,
                 ]
             )
-            for piece, grains in zip(self.pieces, self.grains, strict=True)
+            for piece, grains in zip(self.pieces[first:], self.grains[first:], strict=True)
         ]
         return np.concatenate(each)
 

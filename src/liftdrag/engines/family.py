@@ -14,9 +14,11 @@ import numpy as np
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import Dialect
 from liftdrag.engines import checks, mpi, process
-from liftdrag.engines.base import About, Outcome, Progress
+from liftdrag.engines.base import About, Enough, Outcome, Progress
+from liftdrag.engines.fills import FillStopper, as_they_were, ends_in, write_fills
 from liftdrag.engines.log import LogTail
 from liftdrag.engines.profiles import read_profiles
+from liftdrag.engines.stopper import Stopper
 from liftdrag.errors import RunFailed
 from liftdrag.profile import Profile
 from liftdrag.series import Series
@@ -77,14 +79,33 @@ class Family(ABC):
         if ranks > 1 and self.world().size == 1:
             self.launcher()
 
-    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
+    def run(
+        self,
+        plan: Plan,
+        folder: Path,
+        progress: Progress,
+        alone: bool = False,
+        enough: Enough | None = None,
+    ) -> Outcome:
         """Run the deck on the ranks of the MPI job around us or, `alone`, on new ones."""
-        poll = _reporter(LogTail(folder / self.log), progress)
-        before = process.cpu_of_children()
+        report = _reporter(LogTail(folder / self.log), progress)
+        stopper = self._stopper(plan, folder, enough)
+
+        def poll() -> None:
+            report()
+            stopper.look()
+
         own_ranks = 1 if alone else self.world().size
-        code = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
-        cpu_s = own_ranks * (process.cpu_of_children() - before)
-        return self._outcome(plan, folder, code, cpu_s)
+        ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
+        return self._outcome(plan, folder, ended.code, own_ranks * ended.cpu_s)
+
+    def _stopper(self, plan: Plan, folder: Path, enough: Enough | None) -> Stopper | FillStopper:
+        def series() -> Series:
+            return self.series(plan, folder)
+
+        if enough is None or not plan.fills:
+            return Stopper(folder, series, enough)
+        return FillStopper(plan, folder, LogTail(folder / self.log), series, enough)
 
     def _start(self, plan: Plan, folder: Path, joined: bool) -> process.Started:
         command = self.command(plan.start, folder.resolve())
@@ -113,6 +134,8 @@ class Family(ABC):
         said = checks.text(folder / SAYS)
         loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
         status, reason = checks.verdict(plan, folder, log, said, code)
+        if plan.fills and plan.stoppable:
+            write_fills(folder, as_they_were(plan, ends_in(log)))
         return Outcome(
             status=status,
             reason=reason,
@@ -124,6 +147,7 @@ class Family(ABC):
             grains=loops[-1][2] if loops else 0,
             loop_s=sum(s for s, _, _ in loops),
             cpu_s=cpu_s,
+            stopped_by=checks.stopped_by(plan, folder, log),
         )
 
     def series(self, plan: Plan, folder: Path) -> Series:

@@ -136,8 +136,13 @@ def _impact_probes(engine: Engine, subject: Subject, partner: Partner) -> Iterat
 
 
 def _throw_speed(subject: Subject, partner: Partner) -> float:
-    """Speed (m/s) of a fall by a diameter, or at which the overlap is small, if that is less."""
-    radius = subject.contact.radius
+    """Speed (m/s) of a fall by a diameter, or at which the overlap is small, if that is less.
+
+    The classic law has the restitution asked for at one speed, that of two grains that meet.
+    """
+    radius, classic = subject.contact.radius, subject.contact.classic
+    if partner == "pair" and classic is not None:
+        return classic.speed / 2.0
     k, mass = stiffness_and_mass(subject.facing(partner), subject.density, _wall(partner))
     small = float(np.sqrt(4.0 * k * (SMALL_OVERLAP * radius) ** 2.5 / (5.0 * mass)))
     return min(float(np.sqrt(4.0 * GRAVITY * radius)), small)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import resource
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from pathlib import Path
 from liftdrag.errors import RunFailed
 
 POLL_S = 0.2
+REAP_S = 0.01
 _PR_SET_PDEATHSIG = 1
 
 
@@ -24,6 +25,14 @@ class Started:
 
     process: subprocess.Popen[bytes]
     own_group: bool
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a program ended: its exit status, and the processor time (s) of it and its children."""
+
+    code: int
+    cpu_s: float
 
 
 def start(
@@ -64,32 +73,42 @@ def _end_with_parent() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def watch(started: Started, folder: Path, poll: Callable[[], None]) -> int:
-    """Call `poll` until the program ends; its exit status.
+def watch(started: Started, folder: Path, poll: Callable[[], None]) -> Ended:
+    """Call `poll` until the program ends; how it did.
 
     An exception, Ctrl-C among them, ends the whole process group first. Raises
     RunFailed when the folder vanishes.
     """
     try:
-        while True:
-            try:
-                return started.process.wait(POLL_S)
-            except subprocess.TimeoutExpired:
-                _look(folder, poll)
+        while (ended := _reaped(started.process)) is None:
+            _look(folder, poll)
+        return ended
     finally:
         stop(started)
+
+
+def _reaped(process: subprocess.Popen[bytes]) -> Ended | None:
+    """How the program ended within the time of a poll, None when it has not.
+
+    A system that is told to ignore the end of children does not say how they did.
+    """
+    until = time.monotonic() + POLL_S
+    while time.monotonic() < until:
+        try:
+            pid, status, used = os.wait4(process.pid, os.WNOHANG)
+        except ChildProcessError:
+            return Ended(process.wait(), 0.0)
+        if pid:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return Ended(process.returncode, used.ru_utime + used.ru_stime)
+        time.sleep(REAP_S)
+    return None
 
 
 def _look(folder: Path, poll: Callable[[], None]) -> None:
     if not folder.is_dir():
         raise RunFailed("engine_error", f"the folder {folder} vanished during the run")
     poll()
-
-
-def cpu_of_children() -> float:
-    """Processor time (s) of all the children of this process that have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def stop(started: Started) -> None:

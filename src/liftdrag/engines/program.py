@@ -18,7 +18,7 @@ from typing import NoReturn
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LAMMPS_2023, LIGGGHTS, Dialect
 from liftdrag.engines import meeting, mpi
-from liftdrag.engines.base import About, Outcome, Progress
+from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.family import Family
 from liftdrag.errors import InputError
 
@@ -160,10 +160,17 @@ class Program(Family):
         """Call the waiting ranks to the run's folder."""
         meeting.announce(folder.resolve())
 
-    def run(self, plan: Plan, folder: Path, progress: Progress, alone: bool = False) -> Outcome:
+    def run(
+        self,
+        plan: Plan,
+        folder: Path,
+        progress: Progress,
+        alone: bool = False,
+        enough: Enough | None = None,
+    ) -> Outcome:
         """As the family does; the ranks' meeting place is tidied up."""
         try:
-            return super().run(plan, folder, progress, alone)
+            return super().run(plan, folder, progress, alone, enough)
         finally:
             if not alone and self.world().size > 1:
                 meeting.end()

@@ -23,7 +23,7 @@ __all__ = [
 
 
 @overload
-def derive(scene: TankScene, ranks: int = 1) -> TankNumerics: ...
+def derive(scene: TankScene, ranks: int = 1, settled: bool = False) -> TankNumerics: ...
 
 
 @overload
@@ -34,10 +34,13 @@ def derive(scene: Drag2DScene, ranks: int = 1) -> Drag2DNumerics: ...
 def derive(scene: JanssenScene, ranks: int = 1) -> JanssenNumerics: ...
 
 
-def derive(scene: Scene, ranks: int = 1) -> Numerics:
-    """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
+def derive(scene: Scene, ranks: int = 1, settled: bool = False) -> Numerics:
+    """The numerics of `scene` on `ranks` processes; a tank's bed may be `settled` already.
+
+    Raises CaseError when they cannot be.
+    """
     if isinstance(scene, JanssenScene):
         return janssen.derive(scene, ranks)
     if isinstance(scene, Drag2DScene):
         return drag2d.derive(scene)
-    return tank.derive(scene, ranks)
+    return tank.derive(scene, ranks, settled)

@@ -22,6 +22,12 @@ STEP_BOUND = 0.2
 SETTLED = 1e-4
 """Kinetic energy per grain, over m g d, below which a bed is settled."""
 
+SPRING_DAMPING = 16.0
+"""Damping of a bed that was settled before, over that of one that is settling."""
+
+SPRING_TIME = 0.1
+"""How long such a bed rests at least, in periods of its breathing."""
+
 SKIN = 0.08
 """Neighbour skin in grain diameters."""
 
@@ -75,12 +81,15 @@ class TankNumerics(Numerics):
     core_hours: Value[float]
 
 
-def derive(scene: TankScene, ranks: int = 1) -> TankNumerics:
-    """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
+def derive(scene: TankScene, ranks: int = 1, settled: bool = False) -> TankNumerics:
+    """The numerics of `scene` on `ranks` processes, from a bed that was `settled` before or not.
+
+    Raises CaseError when they cannot be.
+    """
     rayleigh, impact = _rayleigh_time(scene), _hertz_time(scene)
     step = _time_step(scene, rayleigh, impact)
     dt = step.value
-    settle = _settling(scene, dt)
+    settle = _resettling(scene, dt) if settled else _settling(scene, dt)
     drive = _drive_steps(scene, dt)
     sample = _sample_every(scene, impact.value, dt)
     row = _row_every(scene, sample.value, dt)
@@ -145,9 +154,13 @@ def _rayleigh_time(scene: TankScene) -> Value[float]:
     return Value(time, "s", "a Rayleigh wave's way around a grain")
 
 
+def impact_speed(scene: TankScene) -> float:
+    """Speed (m/s) at which grains are expected to meet: that of the drive, or of a fall of d."""
+    return max(scene.drive.speed, sqrt(2.0 * GRAVITY * scene.grains.diameter))
+
+
 def _hertz_time(scene: TankScene) -> Value[float]:
-    grains = scene.grains
-    speed = max(scene.drive.speed, sqrt(2.0 * GRAVITY * grains.diameter))
+    grains, speed = scene.grains, impact_speed(scene)
     time = hertz.hertz_time(grains.stiffness, grains.mass / 2.0, speed)
     return Value(time, "s", f"an impact of two grains at {speed:.3g} m/s, the drive or a fall of d")
 
@@ -174,11 +187,10 @@ def _settling(scene: TankScene, dt: float) -> tuple[Value[float], Value[int], Va
     damping = Value(
         scene.grains.mass * rate, "kg/s", f"the bed breathes at about {rate:.3g} rad/s: damp that"
     )
-    period = 2.0 * pi / rate
-    chosen = scene.numerics.settle_time
-    least = chosen if chosen is not None else period
-    reason = "set by hand" if chosen is not None else "one period of the bed's breathing at least"
-    most = max(20.0 * period, 3.0 * least)
+    by_hand = scene.numerics.settle_time is not None
+    least = settle_time(scene)
+    reason = "set by hand" if by_hand else "one period of the bed's breathing at least"
+    most = max(40.0 * pi / rate, 3.0 * least)
     return (
         damping,
         Value(_steps("numerics.settle_time", least, least, dt), "steps", reason),
@@ -187,6 +199,30 @@ def _settling(scene: TankScene, dt: float) -> tuple[Value[float], Value[int], Va
             "steps",
             "20 periods: a bed that still moves then is refused",
         ),
+    )
+
+
+def settle_time(scene: TankScene) -> float:
+    """How long (s) a packed bed settles at least."""
+    chosen = scene.numerics.settle_time
+    return chosen if chosen is not None else 2.0 * pi / _breathing_rate(scene)
+
+
+def _resettling(scene: TankScene, dt: float) -> tuple[Value[float], Value[int], Value[int]]:
+    """The same for a bed that was settled before and only loads its tangential springs anew."""
+    rate = _breathing_rate(scene)
+    return (
+        Value(
+            SPRING_DAMPING * scene.grains.mass * rate,
+            "kg/s",
+            f"{SPRING_DAMPING:g} times what damps the bed's breathing: it was settled before",
+        ),
+        Value(
+            ceil(SPRING_TIME * 2.0 * pi / rate / dt),
+            "steps",
+            f"{SPRING_TIME:g} periods of the bed's breathing: contacts load their springs",
+        ),
+        Value(ceil(40.0 * pi / rate / dt), "steps", "20 periods: it is refused then"),
     )
 
 
