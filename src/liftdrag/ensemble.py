@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,7 +22,9 @@ import numpy as np
 
 from liftdrag.analysis import drag2d
 from liftdrag.analysis.drag2d import EnsembleAnswers, Packing
+from liftdrag.analysis.stopping import EnsembleStopping, missed
 from liftdrag.case import Case
+from liftdrag.cost import Estimate, cores, foresee
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
 from liftdrag.deck.drag2d import build, check_shape, contact_of, read_bed
@@ -32,7 +33,6 @@ from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.probes import PLANAR, Probe, Subject
-from liftdrag.engines.process import cpu_of_children
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RESULT, Record, fresh, write_json
 from liftdrag.numerics import Drag2DNumerics, derive, explained
@@ -52,13 +52,17 @@ FILES = (RESULT, "drag.csv", "packings.csv", "drag.png", "flow.png")
 
 @dataclass(frozen=True)
 class _Task:
-    """What each packing of an ensemble is made from; the deck of the first, where it is made."""
+    """What each packing of an ensemble is made from; of the first, what `_made` gave.
+
+    `expected` is what all of them should cost, known where they are begun.
+    """
 
     case: Case
     scene: Drag2DScene
     engine: Engine
     folder: Path
-    first: Deck | None = None
+    first: tuple[Deck, float] | None = None
+    expected: Estimate | None = None
 
 
 def packing_folder(folder: Path, number: int) -> Path:
@@ -80,7 +84,7 @@ def write_decks(case: Case, engine: Engine, out: str | Path | None) -> tuple[Pat
     """
     scene = _planar(case)
     numerics = derive(scene)
-    with ThreadPoolExecutor(_cores()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         numbers = range(scene.ensemble.runs)
         decks = list(pool.map(lambda k: prepare(case, scene, k, engine.dialect), numbers))
     folder = fresh(out, case.name, "decks")
@@ -106,23 +110,23 @@ def run(
     scene = _planar(case)
     check_shape(scene, engine.dialect)
     world, start = mpi.world(program="liftdrag"), time.monotonic()
-    before = cpu_of_children()
     if world.size > 1:
         task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world)
-    else:
-        task, record = _begin(case, engine, out, progress, ignore_probes)
-        outcomes = _recorded(task, record, progress, ranks or _cores())
-    whole = _total(outcomes)
-    if engine.dialect is not IN_HOUSE and world.size == 1:
-        whole = replace(whole, cpu_s=cpu_of_children() - before)
-    return _conclude(task, record, outcomes, whole, time.monotonic() - start)
+        return _conclude(task, record, outcomes, scene.ensemble.runs, time.monotonic() - start)
+    workers = ranks or cores()
+    task, record = _begin(case, engine, out, progress, ignore_probes, workers)
+    outcomes, count = _recorded(task, record, progress, workers)
+    return _conclude(task, record, outcomes, count, time.monotonic() - start)
 
 
 def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json`, tables and pictures."""
-    packings = [_packing(folder, record, k) for k in range(scene.ensemble.runs)]
+    packings = [
+        _packing(folder, record, k) for k in range(result.get("packings", scene.ensemble.runs))
+    ]
     found = drag2d.answers(scene, packings)
-    warnings = [*record.alarms, *found.warnings, *record.warnings]
+    short = missed(scene.targets, found.quantities, "ensemble.runs")
+    warnings = [*record.alarms, *found.warnings, *record.warnings, *short]
     result = result | quantities_of(found.quantities) | {"warnings": warnings}
     try:
         write_json(folder / RESULT, result)
@@ -140,16 +144,13 @@ def _planar(case: Case) -> Drag2DScene:
     return case.scene
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _begin(
     case: Case,
     engine: Engine,
     out: str | Path | None,
     progress: Progress,
     ignore_probes: Sequence[str],
+    workers: int,
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
     engine.check(1)
@@ -159,18 +160,27 @@ def _begin(
     if engine.dialect is not IN_HOUSE:
         subject = Subject(contact_of(scene), scene.grains.density)
         probes, alarms = trusted(engine, subject, PLANAR, ignore_probes)
+    expected = foresee(scene, numerics, engine, workers)
+    numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
     if is_cold():
         progress("compile", 0, 1)
     with ThreadPoolExecutor(1) as aside:  # a signal in compiled code would end the process
-        deck = aside.submit(prepare, case, scene, 0, engine.dialect).result()
+        first = aside.submit(_made, case, scene, 0, engine.dialect).result()
     folder = fresh(out, case.name)
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
+    made = provenance(first[0].digest) | {"probes": [found.to_dict() for found in probes]}
     record = Record(
-        case.name, dict(case.tables), engine.name, deck.plan, list(numerics.warnings), made, alarms
+        case.name,
+        dict(case.tables),
+        engine.name,
+        first[0].plan,
+        list(numerics.warnings),
+        made,
+        alarms,
+        expected.to_dict(),
     )
     record.write(folder)
-    return _Task(case, scene, engine, folder, deck), record
+    return _Task(case, scene, engine, folder, first, expected), record
 
 
 def _in_team(
@@ -187,7 +197,7 @@ def _in_team(
     team, first = MPI.COMM_WORLD, None
     try:
         if world.rank == 0:
-            first = _begin(case, engine, out, progress, ignore_probes)
+            first = _begin(case, engine, out, progress, ignore_probes, world.size)
     finally:
         place = team.bcast(str(first[0].folder) if first else "", root=0)
     if not place:
@@ -214,10 +224,17 @@ def _share(task: _Task, numbers: range, progress: Progress) -> list[Outcome] | s
         return "the run was interrupted"
 
 
-def _recorded(task: _Task, record: Record, progress: Progress, workers: int) -> list[Outcome]:
-    """The outcomes of all packings; an interruption is written down before it goes on."""
+def _recorded(
+    task: _Task, record: Record, progress: Progress, workers: int
+) -> tuple[list[Outcome], int]:
+    """The outcomes of the packings, and how many of them, from the first on, are enough.
+
+    An interruption is written down before it goes on.
+    """
+    enough = _Enough(task, record)
     try:
-        return _run_all(task, range(task.scene.ensemble.runs), workers, progress)
+        outcomes = _run_all(task, range(task.scene.ensemble.runs), workers, progress, enough)
+        return outcomes, enough.count or task.scene.ensemble.runs
     except KeyboardInterrupt:
         raise _failed(task, record, "killed", "the run was interrupted") from None
     except InputError as error:
@@ -234,22 +251,54 @@ def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
     return RunFailed(status, f"{status} in {task.folder}: {reason}")
 
 
-def _run_all(task: _Task, numbers: range, workers: int, progress: Progress) -> list[Outcome]:
-    """The outcomes of these packings, those after a failure left out."""
-    halted, outcomes = threading.Event(), list[Outcome]()
+class _Enough:
+    """Whether the packings that have finished reach the targets of the scene's stop."""
+
+    def __init__(self, task: _Task, record: Record):
+        self.count: int | None = None
+        self._packings = list[Packing]()
+        self._folder, self._record = task.folder, record
+        self._stopping = EnsembleStopping(
+            task.scene.targets,
+            lambda count: drag2d.answers(task.scene, self._packings[:count]).quantities,
+        )
+
+    def __call__(self, finished: Container[int]) -> bool:
+        """With the numbers of those finished, of which the first without a gap count."""
+        if not self._stopping.targets:
+            return False
+        while len(self._packings) in finished:
+            self._packings.append(_packing(self._folder, self._record, len(self._packings)))
+        self.count = self._stopping(len(self._packings))
+        return self.count is not None
+
+
+def _never(_finished: Container[int]) -> bool:
+    return False
+
+
+def _run_all(
+    task: _Task,
+    numbers: range,
+    workers: int,
+    progress: Progress,
+    enough: Callable[[Container[int]], bool] = _never,
+) -> list[Outcome]:
+    """The outcomes of these packings, those after a failure or after `enough` left out."""
+    halted, outcomes = threading.Event(), dict[int, Outcome]()
     pool = ThreadPoolExecutor(workers)
     progress("packings", 0, len(numbers))
     try:
-        running = [pool.submit(_run_one, task, number, halted) for number in numbers]
+        running = {pool.submit(_run_one, task, number, halted): number for number in numbers}
         for done in as_completed(running):
-            outcomes.append(done.result())
+            outcomes[running[done]] = outcome = done.result()
             progress("packings", len(outcomes), len(numbers))
-            if outcomes[-1].status != "finished":
+            if outcome.status != "finished" or enough(outcomes):
                 break
     finally:
         halted.set()
         pool.shutdown(cancel_futures=True)
-    return outcomes
+    return list(outcomes.values())
 
 
 class _Halted(Exception):
@@ -266,29 +315,41 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
     folder = packing_folder(task.folder, number)
     if not task.folder.is_dir():
         raise RunFailed("engine_error", f"the folder {task.folder} vanished during the run")
-    deck = task.first if number == 0 and task.first else _deck(task, number)
+    made = task.first if number == 0 else None
+    deck, packing_s = made or _made(task.case, task.scene, number, task.engine.dialect)
     deck.write(folder)
     outcome = task.engine.run(deck.plan, folder, look, alone=True)
+    outcome = replace(outcome, cpu_s=outcome.cpu_s + packing_s)
     named = replace(outcome, reason=f"packing {number + 1}: {outcome.reason}")
     write_json(folder / OUTCOME, asdict(named) | {"path": str(outcome.path)})
     return outcome if outcome.status == "finished" else named
 
 
-def _deck(task: _Task, number: int) -> Deck:
-    return prepare(task.case, task.scene, number, task.engine.dialect)
+def _made(case: Case, scene: Drag2DScene, number: int, dialect: Dialect) -> tuple[Deck, float]:
+    """The deck of packing `number`, and the processor time (s) that it took."""
+    start = time.thread_time()
+    deck = prepare(case, scene, number, dialect)
+    return deck, time.thread_time() - start
 
 
 def _conclude(
-    task: _Task, record: Record, outcomes: list[Outcome], whole: Outcome, wall_s: float
+    task: _Task, record: Record, outcomes: list[Outcome], count: int, wall_s: float
 ) -> Result:
-    """The result of the whole. Raises RunFailed with the first packing that did not finish."""
+    """The result of `count` packings. Raises RunFailed with the first that did not finish."""
+    whole = _total(outcomes)
     failed = next((one for one in outcomes if one.status != "finished"), None)
     status, reasons = (failed.status, [failed.reason]) if failed else ("finished", [])
     result = begun(record, status, reasons) | cost(whole, wall_s)
     result["engine"] |= {"version": whole.version, "path": str(whole.path)}
+    result["packings"] = count
+    if not failed and count < task.scene.ensemble.runs:
+        result["stopped_by"] = "precision"
     write_json(task.folder / RESULT, result)
     if failed:
         raise RunFailed(status, f"{status}: {failed.reason}.", failed.evidence)
+    if task.expected:
+        beds = len(outcomes)
+        task.expected.compare(whole, whole.grains * whole.steps / beds, beds)
     return answered(task.folder, task.scene, record, result)
 
 
@@ -347,6 +408,6 @@ def _write_tables(folder: Path, scene: Drag2DScene, found: EnsembleAnswers) -> N
     table.to_csv(folder / "drag.csv", index=False)
     units = {name: found.quantities[name].unit for name in found.values}
     each = {f"{name} ({units[name]})": values for name, values in found.values.items()}
-    pd.DataFrame(each, index=pd.RangeIndex(1, 1 + scene.ensemble.runs, name="packing")).to_csv(
-        folder / "packings.csv"
-    )
+    pd.DataFrame(
+        each, index=pd.RangeIndex(1, 1 + len(found.values["drag"]), name="packing")
+    ).to_csv(folder / "packings.csv")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from liftdrag.case import Case
 from liftdrag.deck import Deck
-from liftdrag.engines.base import Engine, Outcome, Progress
+from liftdrag.engines.base import Engine, Enough, Outcome, Progress
 from liftdrag.engines.probes import Probe
 from liftdrag.errors import RunFailed
 from liftdrag.folder import RESULT, Record, write_json
@@ -25,25 +25,45 @@ def write_deck(
     folder: Path,
     probes: Sequence[Probe] = (),
     alarms: Sequence[str] = (),
+    settled_bed: Mapping[str, Any] | None = None,
+    estimate: Mapping[str, Any] | None = None,
 ) -> Record:
-    """Write the deck, the numerics with their reasons, and the record that reading needs."""
+    """Write the deck, the numerics with their reasons, and the record that reading needs.
+
+    `settled_bed` says where the bed of a tank comes from, `estimate` what the run should cost.
+    """
     deck.write(folder)
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
     made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
+    if settled_bed is not None:
+        made["settled_bed"] = dict(settled_bed)
     warnings = list(numerics.warnings)
-    record = Record(case.name, dict(case.tables), engine, deck.plan, warnings, made, list(alarms))
+    record = Record(
+        case.name,
+        dict(case.tables),
+        engine,
+        deck.plan,
+        warnings,
+        made,
+        list(alarms),
+        dict(estimate or {}),
+    )
     record.write(folder)
     return record
 
 
 def carried_out(
-    engine: Engine, record: Record, folder: Path, progress: Progress
+    engine: Engine,
+    record: Record,
+    folder: Path,
+    progress: Progress,
+    enough: Enough | None = None,
 ) -> tuple[Outcome, dict[str, Any]]:
-    """The outcome of a run that finished, and the record of it, without answers yet.
+    """The outcome of a run that finished, or had `enough`, and its record without answers yet.
 
     Raises RunFailed when it did not; `result.json` then says why.
     """
-    outcome, wall_s = _timed(engine, record, folder, progress)
+    outcome, wall_s = _timed(engine, record, folder, progress, enough)
     finished = outcome.status == "finished"
     reasons = [] if finished else [outcome.reason]
     result = begun(record, outcome.status, reasons) | cost(outcome, wall_s)
@@ -52,6 +72,8 @@ def carried_out(
         "path": str(outcome.path),
         "ranks": outcome.ranks,
     }
+    if finished:
+        result["stopped_by"] = outcome.stopped_by
     write_json(folder / RESULT, result)
     if not finished:
         raise RunFailed(outcome.status, f"{outcome.status}: {outcome.reason}.", outcome.evidence)
@@ -59,11 +81,11 @@ def carried_out(
 
 
 def _timed(
-    engine: Engine, record: Record, folder: Path, progress: Progress
+    engine: Engine, record: Record, folder: Path, progress: Progress, enough: Enough | None
 ) -> tuple[Outcome, float]:
     start = time.monotonic()
     try:
-        outcome = engine.run(record.plan, folder, progress)
+        outcome = engine.run(record.plan, folder, progress, enough=enough)
     except KeyboardInterrupt:
         failure = RunFailed("killed", f"The run in {folder} was interrupted.")
     except RunFailed as error:

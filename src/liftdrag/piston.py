@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -14,7 +15,9 @@ from liftdrag.analysis.janssen import (
     write_curve,
     write_profile,
 )
+from liftdrag.analysis.janssen_stop import FillStopping
 from liftdrag.case import Case
+from liftdrag.cost import foresee
 from liftdrag.deck import Deck, Plan
 from liftdrag.deck.column import contact_of
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
@@ -22,6 +25,7 @@ from liftdrag.deck.janssen import build, check_contact
 from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Progress, silent
+from liftdrag.engines.fills import read_fills
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
@@ -91,18 +95,44 @@ def run(
         engine.check(ranks)
         ranks = world.size if world.size > 1 else ranks
         found, alarms = _probed(scene_of(case), engine, ignore_probes)
+        expected = foresee(scene_of(case), derive(scene_of(case), ranks), engine, ranks)
         progress("compile" if own and is_cold() else "packing", 0, 1)
         numerics, deck = prepare(case, engine.dialect, ranks)
+        numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
         folder = fresh(out, case.name)
-        record = write_deck(case, numerics, deck, engine.name, folder, found, alarms)
+        record = write_deck(
+            case,
+            numerics,
+            deck,
+            engine.name,
+            folder,
+            found,
+            alarms,
+            estimate=expected.to_dict(),
+        )
     except BaseException:
         engine.release()
         raise
-    _, result = carried_out(engine, record, folder, progress)
-    lid = result["grains"] - deck.plan.fills[-1][0]
-    work = sum((fill[0] + lid) * (fill[3] - fill[1]) for fill in deck.plan.fills)
+    enough = FillStopping(scene_of(case)) if deck.plan.stoppable else None
+    outcome, result = carried_out(engine, record, folder, progress, enough)
+    record = _as_it_was(record, folder)
+    fills = record.plan.fills
+    lid = result["grains"] - fills[-1][0]
+    work = sum((fill[0] + lid) * (fill[3] - fill[1]) for fill in fills)
     result["grain_steps_per_s"] *= work / (result["grains"] * result["steps"])
+    expected.compare(outcome, float(work))
     return answered(folder, scene_of(case), record, result)
+
+
+def _as_it_was(record: Record, folder: Path) -> Record:
+    """The record of a finished run with its fills as they were, in `run.json` too."""
+    if not record.plan.stoppable:
+        return record
+    fills = read_fills(folder)
+    plan = replace(record.plan, fills=fills, stages={"drive": fills[-1][-1]})
+    record = replace(record, plan=plan)
+    record.write(folder)
+    return record
 
 
 def _probed(

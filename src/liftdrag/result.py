@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from liftdrag.analysis.biases import Biases
+from liftdrag.analysis.error_budget import differences, error_budgets
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.steady import SteadyWindow
+from liftdrag.case import Case
 from liftdrag.engines.base import Outcome
-from liftdrag.folder import Record
+from liftdrag.errors import RunFailed
+from liftdrag.folder import RESULT, Record, write_json
 from liftdrag.series import Series
 from liftdrag.version import VERSION
 
@@ -65,6 +70,7 @@ def begun(record: Record, status: str, reasons: list[str]) -> dict[str, Any]:
         "wall_s": 0.0,
         "cpu_s": 0.0,
         "grain_steps_per_s": 0.0,
+        "estimate": record.estimate,
         "quantities": {},
         "stopped_by": "distance" if status == "finished" else status,
         "alarms": record.alarms,
@@ -88,6 +94,21 @@ def cost(outcome: Outcome, wall_s: float) -> dict[str, Any]:
 def answered(quantities: Mapping[str, Quantity]) -> dict[str, Any]:
     """The quantities as the record holds them."""
     return {"quantities": {name: value.to_dict() for name, value in quantities.items()}}
+
+
+def budgeted(result: Result, case: Case, biases: Biases | None) -> Result:
+    """The result with the error budget of its quantities, in `result.json` too."""
+    scene, record = case.scene.scene, dict(result.record)
+    budgets = error_budgets(scene, result.quantities, biases)
+    record["error_budget"] = {name: one.to_dict() for name, one in budgets.items()}
+    if biases and (other := differences(case.tables, biases)):
+        record["warnings"] = [
+            *result.warnings,
+            f"The biases are those of {biases.case}, another case in {', '.join(other)}.",
+        ]
+    with contextlib.suppress(RunFailed):
+        write_json(result.folder / RESULT, record)
+    return replace(result, record=record)
 
 
 def provenance(digest: str) -> dict[str, Any]:

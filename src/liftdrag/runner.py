@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from liftdrag import ensemble, piston
-from liftdrag.analysis.tank import Answers, answers
+from liftdrag import beds, ensemble, piston
+from liftdrag.analysis.biases import read_biases
+from liftdrag.analysis.quantity import Quantity
+from liftdrag.analysis.stopping import Stopping, missed
+from liftdrag.analysis.tank import FORCES, Answers, answers, forces
 from liftdrag.case import Case
+from liftdrag.cost import foresee
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import IN_HOUSE, LAMMPS, Dialect
 from liftdrag.deck.drag2d import check_shape
-from liftdrag.deck.tank import build, contact_of
+from liftdrag.deck.tank import Bed, build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import spatial
-from liftdrag.engines.base import Engine, Progress, silent
+from liftdrag.engines.base import Engine, Enough, Progress, silent
 from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
 from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
-from liftdrag.result import Result, answered
+from liftdrag.result import Result, answered, budgeted
 from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 from liftdrag.series import Series
 from liftdrag.trust import trusted
@@ -35,13 +40,20 @@ _FILES = (RESULT, "series.csv", "forces.png", "bed.png")
 
 
 def prepare(
-    case: Case, ranks: int = 1, dump: bool = False, dialect: Dialect = LAMMPS
+    case: Case,
+    ranks: int = 1,
+    dump: bool = False,
+    dialect: Dialect = LAMMPS,
+    bed: Bed | None = None,
 ) -> tuple[TankNumerics, Deck]:
-    """The numerics and the deck of a tank. Raises InputError for a bad case or too many ranks."""
+    """The numerics and the deck of a tank, whose bed is packed when there is none yet.
+
+    Raises InputError for a bad case or too many ranks.
+    """
     _check_ranks(ranks)
     scene, version = _tank(case), VERSION
-    numerics = derive(scene, ranks)
-    return numerics, build(scene, numerics, case.name, version, ranks, dump, dialect)
+    numerics = derive(scene, ranks, bed is not None and bed.settled)
+    return numerics, build(scene, numerics, case.name, version, ranks, dump, dialect, bed)
 
 
 def _tank(case: Case) -> TankScene:
@@ -64,6 +76,7 @@ def run(
     progress: Progress = silent,
     engine_path: str | Path | None = None,
     ignore_probes: Sequence[str] = (),
+    bench: str | Path | None = None,
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
@@ -73,20 +86,24 @@ def run(
     Under `mpirun` the job's ranks are used. The folder keeps the deck, the series,
     the pictures and `result.json`, and with `dump` a trajectory; by default it is
     a new one below `runs/`. The engine is probed first, with the grains of the case;
-    a probe of `ignore_probes` may fail. Raises InputError before the run is started,
+    a probe of `ignore_probes` may fail. The folder `bench` of a bench gives the biases of the
+    result's error budget. Raises InputError before the run is started,
     RunFailed when the engine does not finish; the folder then says why.
     """
     chosen = engine_for(case, engine, engine_path)
     check_names(tuple(ignore_probes))
     if ranks is not None:
         _check_ranks(ranks)
+    biases = None if bench is None else read_biases(Path(bench))
     if isinstance(case.scene, Drag2DScene):
         _refuse_dump(dump, "the moments of each packing are kept in any case")
-        return ensemble.run(case, chosen, out, ranks, progress, ignore_probes)
-    if isinstance(case.scene, JanssenScene):
+        found = ensemble.run(case, chosen, out, ranks, progress, ignore_probes)
+    elif isinstance(case.scene, JanssenScene):
         _refuse_dump(dump, "a column leaves its profiles")
-        return piston.run(case, chosen, out, ranks or 1, progress, ignore_probes)
-    return _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes)
+        found = piston.run(case, chosen, out, ranks or 1, progress, ignore_probes)
+    else:
+        found = _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes)
+    return budgeted(found, case, biases)
 
 
 def _refuse_dump(dump: bool, instead: str) -> None:
@@ -123,14 +140,46 @@ def _run_tank(
         names = TANK if world.size > 1 or ranks == 1 else (*TANK, "ranks")
         subject = Subject(contact_of(scene), scene.grains.density)
         found, alarms = trusted(chosen, subject, names, ignore_probes)
-        numerics, deck = prepare(case, ranks, dump, chosen.dialect)
+        kept = beds.kept(scene)
+        planned = derive(scene, ranks, settled=kept == "settled")
+        expected = foresee(scene, planned, chosen, ranks, packed=kept != "nothing")
+        start = beds.find(scene)
+        numerics, deck = prepare(case, ranks, dump, chosen.dialect, start.bed)
+        warnings = (*numerics.warnings, *start.warnings, *expected.warnings)
+        numerics = replace(numerics, warnings=warnings)
         folder = fresh(out, case.name)
-        record = write_deck(case, numerics, deck, chosen.name, folder, found, alarms)
+        record = write_deck(
+            case,
+            numerics,
+            deck,
+            chosen.name,
+            folder,
+            found,
+            alarms,
+            settled_bed=start.provenance,
+            estimate=expected.to_dict(),
+        )
     except BaseException:
         chosen.release()
         raise
-    _, result = carried_out(chosen, record, folder, progress)
+    enough = _enough(scene, chosen, record, folder)
+    outcome, result = carried_out(chosen, record, folder, progress, enough)
+    expected.compare(outcome, float(outcome.grains * outcome.steps))
+    beds.keep(start, scene, folder)
     return _answered(folder, case, record, result)
+
+
+def _enough(scene: TankScene, engine: Engine, record: Record, folder: Path) -> Enough | None:
+    """Whether the series so far reaches the targets of the scene's stop; None without one."""
+    if scene.stop is None:
+        return None
+
+    def estimate(series: Series) -> Mapping[str, Quantity]:
+        if scene.targets.keys() <= FORCES:
+            return forces(scene, series)
+        return answers(scene, series, engine.surfaces(record.plan, folder)).quantities
+
+    return Stopping(scene.targets, estimate)
 
 
 def build_deck(
@@ -164,24 +213,31 @@ def build_deck(
     return folder, explained(numerics), f"{program} -in {deck.plan.start}"
 
 
-def analyze(folder: Path) -> Result:
-    """The answers of a finished run again, from the series in its folder."""
+def analyze(folder: Path, bench: str | Path | None = None) -> Result:
+    """The answers of a finished run again, from the series in its folder.
+
+    The folder `bench` of a bench gives the biases of the result's error budget.
+    """
+    biases = None if bench is None else read_biases(Path(bench))
     old, record = read_json(folder / RESULT), Record.read(folder)
     status = old.get("status", "unknown")
     if status != "finished":
         raise InputError(f"The run in {folder} did not finish ({status}); run the case again.")
     case = Case(record.case, record.tables)
     if isinstance(case.scene, Drag2DScene):
-        return ensemble.answered(folder, case.scene, record, old)
-    if isinstance(case.scene, JanssenScene):
-        return piston.answered(folder, case.scene, record, old)
-    return _answered(folder, case, record, old)
+        found = ensemble.answered(folder, case.scene, record, old)
+    elif isinstance(case.scene, JanssenScene):
+        found = piston.answered(folder, case.scene, record, old)
+    else:
+        found = _answered(folder, case, record, old)
+    return budgeted(found, case, biases)
 
 
 def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json` and as pictures."""
     series, found = _read(folder, _tank(case), record)
     result = result | _reported(found, record, series)
+    result["warnings"] += missed(_tank(case).targets, found.quantities, "drive.distance")
     try:
         series.to_pandas().to_csv(folder / "series.csv")
         write_json(folder / RESULT, result)

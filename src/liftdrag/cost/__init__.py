@@ -1,0 +1,7 @@
+"""What a run will cost, said before it: time from what this machine did before, and memory."""
+
+from liftdrag.cost.estimate import Estimate
+from liftdrag.cost.foresight import foresee
+from liftdrag.cost.machine import cores
+
+__all__ = ["Estimate", "cores", "foresee"]
