@@ -106,7 +106,7 @@ EXPERIMENTS = {
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What probes found is remembered for these tests, and nowhere else.
+    """What probes found is remembered for these tests, and nowhere else; beds are not.
 
     Commands that the tests start use the kernels that the tests have compiled.
     """
@@ -115,6 +115,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     (cache / "liftdrag" / "kernels").symlink_to(Path(_folder()).parent)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(cache))
+        patch.setenv("LIFTDRAG_BEDS", "off")
         yield
 
 

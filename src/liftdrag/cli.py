@@ -76,6 +76,10 @@ Workers = Annotated[
         "at a time, by default one a core. Under mpirun, its ranks are used."
     ),
 ]
+Bench = Annotated[
+    Path | None,
+    typer.Option(help="The folder of a bench, whose measured biases go into the error budget."),
+]
 PlainJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json instead of a table.")]
 
@@ -157,17 +161,30 @@ def run(
         list[str] | None,
         typer.Option(metavar="NAME", help="Run although the engine fails this probe of doctor."),
     ] = None,
+    replicas: Annotated[
+        int,
+        typer.Option(help="Runs with seeds of their own, one a core, whose answers are pooled."),
+    ] = 1,
+    bench: Bench = None,
     as_json: Json = False,
 ) -> None:
     """Run a case and answer with averages and standard errors: drag and lift, or a curve."""
     from liftdrag.progress import reported
+    from liftdrag.replicas import run as run_replicas
     from liftdrag.runner import run as run_case
 
-    chosen = _case(case, settings)
+    chosen, ignored = _case(case, settings), ignore_probe or ()
+    if replicas != 1 and (ranks is not None or dump):
+        raise InputError("--replicas takes a core for each run; leave out --ranks and --dump.")
     with reported() as progress:
-        result = run_case(
-            chosen, out, engine, ranks, dump, progress, engine_path, ignore_probe or ()
-        )
+        if replicas == 1:
+            result = run_case(
+                chosen, out, engine, ranks, dump, progress, engine_path, ignored, bench
+            )
+        else:
+            result = run_replicas(
+                chosen, replicas, out, engine, progress, engine_path, ignored, bench
+            )
     _show(result, as_json)
 
 
@@ -196,6 +213,52 @@ def sweep(
 
 
 @app.command()
+def bench(
+    case: CaseName,
+    engine: CaseEngine = None,
+    engine_path: EnginePath = None,
+    budget: Annotated[
+        str, typer.Option(help="Time on the clock: 90s, 30m or 2h. The same command goes on.")
+    ] = "30m",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the bench; by default runs/bench/CASE.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Runs at a time, each on one core; by default one a core.")
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Only these choices: time_step,stiffness. Default: all."),
+    ] = None,
+    settings: Settings = None,
+    as_json: PlainJson = False,
+) -> None:
+    """Measure run time against error: what each choice of a case costs and does to the answer."""
+    from liftdrag.bench import bench as run_bench
+    from liftdrag.bench import seconds
+    from liftdrag.progress import spinning
+    from liftdrag.report import bench_table
+
+    names = [name.strip() for name in axes.split(",")] if axes else []
+    budget_s, chosen = seconds(budget), _case(case, settings)
+    with spinning() as tell:
+        found = run_bench(chosen, engine, out, budget_s, jobs, names, engine_path, tell)
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=2))
+        return
+    _print_tables(bench_table(found))
+    print(found.block(), end="")
+    for note in found.notes:
+        print(note)
+    if found.left:
+        print(
+            f"Left out for the budget of {budget}, and the same command goes on with it: "
+            f"{', '.join(found.left)}."
+        )
+    print(f"In {found.stand.folder}: bench.csv, bench.json, bench.png, numerics.toml")
+
+
+@app.command()
 def analyze(
     context: typer.Context,
     path: Annotated[Path, typer.Argument(help="The folder of a run, or your own force file.")],
@@ -212,14 +275,16 @@ def analyze(
     time_column: Annotated[str | None, typer.Option(help="Column of the time or step.")] = None,
     time_step: Annotated[float | None, typer.Option(help="Seconds per step.")] = None,
     discard: Annotated[float, typer.Option(help="Seconds at the start to leave out.")] = 0.0,
+    bench: Bench = None,
     as_json: Json = False,
 ) -> None:
     """Average again from a run's folder, or from a force table or contact dump of your own."""
     if path.is_dir():
-        from liftdrag.runner import analyze as analyze_folder
+        from liftdrag import replicas, runner
 
-        _refuse_options(context, {"path", "as_json"})
-        _show(analyze_folder(path), as_json)
+        _refuse_options(context, {"path", "bench", "as_json"})
+        kind = replicas if replicas.is_replicas(path) else runner
+        _show(kind.analyze(path, bench), as_json)
         return
     from liftdrag.analysis.forces import Columns, answers, read_forces
 
@@ -303,12 +368,16 @@ def _first_comment(text: str) -> str:
 
 
 def _show(result: Result, as_json: bool) -> None:
+    from liftdrag.report import budget_lines
+
     if as_json:
         print(json.dumps(result.record, indent=2))
         return
     for alarm in result.alarms:
         print(f"WARNING: {alarm}")
     _print_table(result.quantities)
+    for line in budget_lines(result):
+        print(line)
     for warning in result.warnings[len(result.alarms) :]:
         print(f"WARNING: {warning}")
     print(f"In {result.folder}: {', '.join(result.files)}")

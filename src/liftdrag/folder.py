@@ -21,7 +21,8 @@ RESULT = "result.json"
 class Record:
     """What a run's folder must say about itself to be read again: `run.json`.
 
-    `warnings` are of the numerics, `alarms` are what a reader must know before anything else.
+    `warnings` are of the numerics, `alarms` are what a reader must know before anything else;
+    `estimate` is what the run was expected to cost.
     """
 
     case: str
@@ -31,6 +32,7 @@ class Record:
     warnings: list[str]
     provenance: dict[str, Any]
     alarms: list[str] = field(default_factory=list)
+    estimate: dict[str, Any] = field(default_factory=dict)
 
     def write(self, folder: Path) -> None:
         """Write it into the folder. Raises RunFailed."""

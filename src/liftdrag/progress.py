@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,12 +17,25 @@ LINE_EVERY_S = 20.0
 
 @contextmanager
 def reported() -> Iterator[Progress]:
-    """Progress shown on standard error while the block runs."""
-    if sys.stderr.isatty():
-        with _bar() as progress:
-            yield progress
-    else:
-        yield _lines()
+    """Progress, and what liftdrag logs, shown on standard error while the block runs."""
+    log, spoken = logging.getLogger("liftdrag"), _Spoken()
+    log.addHandler(spoken)
+    log.setLevel(logging.INFO)
+    try:
+        if sys.stderr.isatty():
+            with _bar() as progress:
+                yield progress
+        else:
+            yield _lines()
+    finally:
+        log.removeHandler(spoken)
+
+
+class _Spoken(logging.Handler):
+    """Prints to standard error as it is at the time, above a bar."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(self.format(record), file=sys.stderr, flush=True)
 
 
 @contextmanager

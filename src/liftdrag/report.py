@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from liftdrag.analysis.quantity import Quantity, rounded
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from liftdrag.bench import Benched
     from liftdrag.doctor import Patient
     from liftdrag.engines.probes import Probe
+    from liftdrag.result import Result
     from liftdrag.study import Studied
     from liftdrag.verify import Verified
 
@@ -78,6 +80,26 @@ def _cells(quantity: Quantity) -> Iterator[str]:
     count = quantity.n_independent
     mark = "" if quantity.converged else " (not converged)"
     yield ("" if count is None else f"{count:.0f}") + mark
+
+
+def budget_lines(result: Result) -> Iterator[str]:
+    """What is known of the errors beside the statistical ones, a line for a quantity."""
+    budgets = result.record["error_budget"]
+    for name, one in budgets.items():
+        if one["biases"]:
+            yield f"Error budget of {name}: {', '.join(_shares(one))}."
+    unknown: list[str] = next((one["not_measured"] for one in budgets.values()), [])
+    if unknown:
+        yield (
+            f"Not in the standard errors, and not measured: the biases of {', '.join(unknown)}; "
+            "see liftdrag bench."
+        )
+
+
+def _shares(budget: Mapping[str, Any]) -> Iterator[str]:
+    yield f"statistical {100 * budget['statistical']:.2g} %"
+    for axis, bias in budget["biases"].items():
+        yield f"{axis} {100 * bias['relative']:+.1f} ± {100 * bias['standard_error']:.1f} %"
 
 
 def run_table(found: Studied) -> Table:
@@ -225,3 +247,36 @@ def convergence_table(found: Verified) -> Table:
     for row in found.convergence:
         result.add_row(row.quantity, *(f"{e:.2g}" for e in row.errors), f"{row.order:.2f}")
     return result
+
+
+def bench_table(found: Benched) -> Table:
+    """The points of a bench: what each took and answered, and how far that is from the case's."""
+    from rich.table import Table
+
+    result = Table(title=f"{found.case.name} on {found.stand.engine}: run time against error")
+    for heading in ("axis", "value", "runs", "CPU (s)", "grain-steps/s"):
+        result.add_column(heading, overflow="fold")
+    for name in found.tolerances:
+        result.add_column(name, overflow="fold")
+        result.add_column("deviation (%)", overflow="fold")
+    rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for row in found.rows():
+        rows.setdefault((row["axis"], row["value"]), []).append(row)
+    for mine in rows.values():
+        result.add_row(*_bench_cells(mine))
+    return result
+
+
+def _bench_cells(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """The cells of a point, from its rows, one for each quantity."""
+    first = rows[0]
+    yield from (first["axis"], first["value"], str(first["runs"]))
+    if "quantity" not in first:
+        yield from ("", f"[bold red]{first['status']}[/]")
+        return
+    yield from (f"{first['cpu_s']:.3g}", f"{first['grain_steps_per_s']:.3g}")
+    for row in rows:
+        unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        yield " ± ".join(rounded(row["mean"], row["standard_error"])) + unit
+        size, error = (100.0 * row[name] for name in ("deviation", "deviation_error"))
+        yield " ± ".join(rounded(size, error)) if error else ""
