@@ -147,7 +147,8 @@ def test_template_uses_every_number_and_no_other(
 @pytest.mark.usefixtures("unpacked")
 @dialect
 def test_number_that_is_missing_is_an_error(monkeypatch: pytest.MonkeyPatch, dialect: Dialect):
-    context = context_of(EXPERIMENTS["lid"], monkeypatch, dialect)
+    case = EXPERIMENTS["lid"].set("stop", {"relative_error": 0.1})
+    context = context_of(case, monkeypatch, dialect)
     name = f"{dialect.folder}/tank.in.j2"
     assert render(name, context)
     for missing in context:

@@ -50,6 +50,7 @@ stopped_by warnings provenance""".split()
 """What every result.json has."""
 
 PARTS = {"mean", "standard_error", "unit", "correlation_time", "n_independent", "converged"}
+PARTS |= {"interval_95"}
 
 WALLS = {"left": "height", "right": "height", "bottom": "width", "top": "width"}
 """The side of the box that each wall is as long as."""

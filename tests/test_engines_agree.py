@@ -175,7 +175,10 @@ def test_experiments_run_on_every_engine(
     found = run(EXPERIMENTS[experiment], out, engine=name)
     assert found.record["engine"]["name"] == name
     for key in ("overburden", "effective_depth", "solid_fraction"):
-        assert found.quantities[key].mean == pytest.approx(wheel[key].mean, rel=0.03)
+        own, other = found.quantities[key], wheel[key]
+        error = hypot(own.standard_error, other.standard_error)
+        assert abs(own.mean - other.mean) < 3.0 * error
+        assert error < 0.02 * other.mean
     assert (out / "bed.png").stat().st_size > 0
     again = analyze(out)
     assert again.quantities["drag"].mean == found.quantities["drag"].mean

@@ -178,6 +178,7 @@ def test_piece_of_a_fill_is_allowed_to_the_letter(line: str):
 def eager(monkeypatch: pytest.MonkeyPatch) -> None:
     """Look at the series whenever there is a chance."""
     monkeypatch.setattr(stopper, "LEAST_S", 0.0)
+    monkeypatch.setattr(stopper, "MOST_S", 0.0)
 
 
 class Watch:
@@ -228,7 +229,7 @@ def boundaries(folder: Path) -> set[int]:
 def test_windows_are_what_the_engine_did(name: str, tmp_path: Path):
     """Fills end early at whole blocks, each as long after its start as planned."""
     watch = Watch(45)
-    plan, outcome = carried_out(name, tmp_path, watch, "1 d")
+    plan, outcome = carried_out(name, tmp_path, watch, "6 d")
     assert (outcome.status, outcome.stopped_by) == ("finished", "precision"), outcome.evidence
     fills, block = read_fills(tmp_path), 10 * plan.row_every
     now = 0

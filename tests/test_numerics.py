@@ -236,7 +236,7 @@ def test_cost_counts_driven_layers_too():
     grains = PAPER.scene.grain_count + 140 * 10
     steps = found.settle_steps.value + found.drive_steps.value
     assert found.grain_steps.value == pytest.approx(grains * steps, rel=1e-9)
-    assert found.core_hours.value == pytest.approx(grains * steps / 3e6 / 3600.0, rel=1e-9)
+    assert found.core_hours.value == pytest.approx(grains * steps / 4e6 / 3600.0, rel=1e-9)
 
 
 def test_papers_box_is_quiet():

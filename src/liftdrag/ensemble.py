@@ -160,13 +160,13 @@ def _begin(
     if engine.dialect is not IN_HOUSE:
         subject = Subject(contact_of(scene), scene.grains.density)
         probes, alarms = trusted(engine, subject, PLANAR, ignore_probes)
-    expected = foresee(scene, numerics, engine, workers)
-    numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
     if is_cold():
         progress("compile", 0, 1)
     with ThreadPoolExecutor(1) as aside:  # a signal in compiled code would end the process
         first = aside.submit(_made, case, scene, 0, engine.dialect).result()
     folder = fresh(out, case.name)
+    expected = foresee(scene, numerics, engine, workers)
+    numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
     (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
     made = provenance(first[0].digest) | {"probes": [found.to_dict() for found in probes]}
     record = Record(

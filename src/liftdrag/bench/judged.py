@@ -28,6 +28,9 @@ Key = tuple[str, str]
 
 CASE: Key = (REFERENCE, "")
 
+ALIKE = 2.0
+"""Ratio of two answers within which their scatter from run to run is comparable."""
+
 FEWEST_PAIRS = 4
 """Packings that began alike from which their differences give an error."""
 
@@ -102,14 +105,18 @@ def costs(runs: Sequence[Run]) -> dict[Key, Cost]:
 def judge(runs: Sequence[Run], quantity: str) -> dict[Key, Judged]:
     """What the points say of a quantity, the reference among them; none without it.
 
-    The scatter from run to run that their own errors do not show is that of all points together.
+    The scatter from run to run that their own errors do not show is taken as the same share of
+    the mean everywhere, that of all points with answers like the reference's.
     """
     runs_of = finished(runs)
     if CASE not in runs_of:
         return {}
     groups = {key: _answers(group, quantity) for key, group in runs_of.items()}
-    hidden = hidden_scatter(list(groups.values()))
-    found = {key: pooled(group, hidden) for key, group in groups.items()}
+    means = {key: pooled(group, 0.0).mean for key, group in groups.items()}
+    ratios = {key: mean / means[CASE] for key, mean in means.items()}
+    alike = [groups[key] for key, ratio in ratios.items() if 1.0 / ALIKE < ratio < ALIKE]
+    hidden = hidden_scatter(alike)
+    found = {key: pooled(group, hidden * abs(ratios[key])) for key, group in groups.items()}
     own = found[CASE]
     return {
         key: _judged(runs_of[key], runs_of[CASE], quantity, answer, own)

@@ -21,6 +21,14 @@ NEGLIGIBLE = 0.2
 """Deviation over what is tolerated that does no harm, though it is known not to be zero."""
 
 
+SEEN = 0.5
+"""Error of a deviation over what is tolerated up to which a shift by so much would be seen."""
+
+
+AS_MUCH_FLOW = ("time_step", "pair_law", "ranks")
+"""Axes on which a run has the same statistical error wherever it is."""
+
+
 @dataclass(frozen=True)
 class Advice:
     """The value recommended of an axis, None where the case's own stays, and the evidence.
@@ -54,7 +62,8 @@ class _Found:
     def harmless(self, tolerances: Mapping[str, float]) -> bool:
         """Whether nothing is off, though a shift as large as what is tolerated would be seen."""
         seen = all(
-            one.deviation.standard_error < tolerances[name] for name, one in self.judged.items()
+            one.deviation.standard_error <= SEEN * tolerances[name]
+            for name, one in self.judged.items()
         )
         return seen and not self.failure and not self.shifted(tolerances, WITHIN)
 
@@ -93,10 +102,10 @@ def _cost(
 ) -> float:
     """Processor time for the reference's error of the quantity that takes longest, over its own.
 
-    A time step changes no error: there it is the time of a run.
+    Where a choice does not change how much flow a run sees, the time of a run: less noisy.
     """
     spent = costs(runs)
-    if axis.name == "time_step":
+    if axis.name in AS_MUCH_FLOW:
         return spent[key].each_s / spent[CASE].each_s
     ratio = spent[key].cpu_s / spent[CASE].cpu_s
     return max(ratio * (found[key].error / found[CASE].error) ** 2 for found in judged.values())

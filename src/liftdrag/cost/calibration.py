@@ -20,7 +20,7 @@ from liftdrag.scene import TankScene
 SIDES = {"length": "28 d", "thickness": "4 d", "height": "24 d"}
 """Of the tank, which holds 3100 grains."""
 
-STEPS = 1000
+STEPS = 2000
 """In which it is driven."""
 
 LOADING = 20
@@ -29,21 +29,22 @@ LOADING = 20
 T = TypeVar("T")
 
 
-def calibrate(engine: Engine, ranks: int) -> bool:
-    """Remember what a small tank takes on the engine's ranks; False where it holds none, or fails.
+def calibrate(engine: Engine) -> bool:
+    """Remember what a small tank takes on one rank; False where the engine holds none, or fails.
 
+    On several ranks, which wait for each other, other work would disturb so short a run too much.
     Raises InputError when the engine is not installed.
     """
     if engine.name not in ENGINES or engine.world().size > 1:
         return False
     scene = _scene()
-    numerics = unsettled(derive(scene, ranks), STEPS)
-    deck = build(scene, numerics, "calibration", "", ranks, dialect=engine.dialect)
+    numerics = unsettled(derive(scene), STEPS)
+    deck = build(scene, numerics, "calibration", "", dialect=engine.dialect)
     with tempfile.TemporaryDirectory(prefix="liftdrag-") as name:
         deck.write(Path(name))
         outcome = engine.run(deck.plan, Path(name), silent, alone=True)
     if outcome.status == "finished":
-        kind = kind_of(scene, engine, ranks)
+        kind = kind_of(scene, engine, 1)
         kind = replace(kind, contacts=f"{kind.contacts} calibration")
         work = Work(outcome.grains, outcome.steps, float(outcome.grains * outcome.steps))
         learn(Learnt.of(kind, work, outcome))

@@ -12,7 +12,7 @@ from liftdrag.cost.work import Work
 from liftdrag.engines.base import Outcome
 
 SHORT_S = 0.5
-"""Of processor time: shorter runs teach nothing."""
+"""Shorter runs teach nothing."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ class Estimate:
     def compare(self, outcome: Outcome, grain_steps: float, beds: int = 1) -> None:
         """Learn from how it went: `grain_steps` of a bed, so many `beds`."""
         work = Work(self.work.grains, outcome.steps // beds, grain_steps, beds)
-        if not self.times.compile_s and outcome.cpu_s >= SHORT_S:
-            learn(Learnt.of(self.kind, work, outcome))
+        run = Learnt.of(self.kind, work, outcome)
+        if not self.times.compile_s and run.seconds >= SHORT_S:
+            learn(run)
 
 
 def counted(number: float) -> str:

@@ -46,7 +46,7 @@ def foresee(
 
 def _calibrated(engine: Engine, kind: Kind, work: Work) -> tuple[float, str] | None:
     """What a calibration says, where the run is long and the engine has one."""
-    if _times(kind, work, 1.0, packed=True).wall_s > LONG_S and calibrate(engine, kind.ranks):
+    if _times(kind, work, 1.0, packed=True).wall_s > LONG_S and calibrate(engine):
         return factor(kind)
     return None
 

@@ -17,7 +17,7 @@ from statistics import median
 from typing import Any
 
 from liftdrag.cost.kind import Kind
-from liftdrag.cost.model import expected_s
+from liftdrag.cost.model import expected_s, start_s
 from liftdrag.cost.work import Work
 from liftdrag.engines.base import Outcome
 
@@ -28,7 +28,7 @@ KEPT = 500
 """Runs that are kept of all kinds."""
 
 QUIET = 0.9
-"""Processor time over that on the clock of a run that nothing else disturbed."""
+"""Share of the machine from which on ranks, which wait for each other, were not disturbed."""
 
 LIKE = (
     (("machine", "engine", "version", "scene", "contacts", "ranks"), "such run{s} here"),
@@ -57,12 +57,18 @@ class Learnt:
         """How many times longer it took than on the machine of the model."""
         return self.seconds / expected_s(self.kind, self.work)
 
+    @property
+    def quiet(self) -> bool:
+        """Whether other work did not disturb it: its processor time is what it takes."""
+        return self.share >= QUIET or self.kind.cores == 1
+
     @classmethod
     def of(cls, kind: Kind, work: Work, outcome: Outcome) -> Learnt:
         """What the outcome of a run says; of beds in the plane, the processor time of all."""
         if kind.scene == "drag2d":
             return cls(kind, work, outcome.cpu_s, 1.0)
-        share = min(outcome.cpu_s / (outcome.loop_s * kind.cores), 1.0)
+        computed = max(outcome.cpu_s / kind.cores - start_s(kind), 0.1 * outcome.loop_s)
+        share = min(computed / outcome.loop_s, 1.0)
         return cls(kind, work, share * outcome.loop_s, share)
 
 
@@ -77,16 +83,19 @@ def learn(run: Learnt) -> None:
 def factor(kind: Kind) -> tuple[float, str] | None:
     """How many times slower this machine is than that of the model, and how that is known.
 
-    The median of the last runs, of those most alike; those that others disturbed count only
-    where there are no better ones, those whose ranks took turns only for their own kind.
+    The median of the last runs, of those most alike. Runs that were disturbed count only where
+    there are no others, those whose ranks took turns only for their own kind.
     """
-    runs = [one for one in remembered() if one.kind == kind or one.kind.ranks <= one.kind.cores]
+    every = [one for one in remembered() if one.kind == kind or not one.kind.takes_turns]
+    return _of_most_alike(kind, [one for one in every if one.quiet]) or _of_most_alike(kind, every)
+
+
+def _of_most_alike(kind: Kind, runs: Sequence[Learnt]) -> tuple[float, str] | None:
     for names, called in LIKE:
         alike = [one for one in runs if _same(one.kind, kind, names)][-LAST:]
         if alike:
-            quiet = [one for one in alike if one.share >= QUIET] or alike
-            says = called.format(s="s" * (len(quiet) > 1))
-            return median(one.factor for one in quiet), f"as in {len(quiet)} {says}"
+            says = called.format(s="s" * (len(alike) > 1))
+            return median(one.factor for one in alike), f"as in {len(alike)} {says}"
     return None
 
 

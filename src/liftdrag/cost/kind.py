@@ -26,6 +26,11 @@ class Kind:
     ranks: int
     cores: int
 
+    @property
+    def takes_turns(self) -> bool:
+        """Whether there are more ranks than cores."""
+        return self.ranks > self.cores
+
 
 def kind_of(scene: Scene, engine: Engine, ranks: int) -> Kind:
     """The kind of a run here. Raises InputError when the engine is not installed."""

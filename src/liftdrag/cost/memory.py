@@ -8,7 +8,7 @@ from liftdrag.cost.kind import Kind
 from liftdrag.cost.machine import free_memory
 from liftdrag.cost.work import Work
 
-PROCESS = {"lammps": 120e6, "lmp": 60e6, "liggghts": 60e6}
+PROCESS = {"lammps": 115e6, "lmp": 35e6, "liggghts": 35e6}
 """Bytes of each rank of an engine without grains."""
 
 OWN = 250e6

@@ -46,7 +46,7 @@ GROWTH = ((1e2, 0.80), (1e3, 0.92), (1e4, 1.0), (1e5, 1.16), (3e5, 1.25), (1e6, 
 SHARED, FEW = 0.15, 400.0
 """What two ranks lose: this share of the time to each other, and as much as these grains take."""
 
-START_S = {"lammps": 1.0, "lmp": 0.4, "liggghts": 0.4}
+START_S = {"lammps": 0.75, "lmp": 0.3, "liggghts": 0.3}
 """Until an engine begins."""
 
 PACKING_S = {"tank": 200e-6, "janssen": 90e-6}

@@ -56,7 +56,7 @@ def build(
     bed = bed or packed(scene)
     context = (
         _context(scene, numerics, dialect)
-        | _pieces(scene, numerics)
+        | _stopping(scene, numerics, dialect)
         | {
             "program": dialect.program,
             "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
@@ -94,17 +94,16 @@ def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:
     )
 
 
-def _pieces(scene: TankScene, numerics: TankNumerics) -> dict[str, Any]:
-    """A run that may end early, in whole rows; what is left over is run first."""
+def _stopping(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> dict[str, Any]:
+    """A run that may end early: for LIGGGHTS in pieces of whole rows, and what is left over."""
+    stoppable = {"stoppable": scene.stop is not None}
+    if dialect is not LIGGGHTS:
+        return stoppable
     drive, row = numerics.drive_steps.value, numerics.row_every.value
-    steps = row * max(drive // (PIECES * row), 1)
-    pieces = max(drive // steps, 1)
-    return {
-        "stoppable": scene.stop is not None,
-        "pieces": pieces,
-        "piece_steps": min(steps, drive),
-        "left_steps": max(drive - pieces * steps, 0),
-    }
+    steps = min(row * max(drive // (PIECES * row), 1), drive)
+    pieces = drive // steps
+    left = drive - pieces * steps
+    return stoppable | {"pieces": pieces, "piece_steps": steps, "left_steps": left}
 
 
 def packed(scene: TankScene) -> Bed:

@@ -48,7 +48,7 @@ DEEPEST = 0.5
 
 MAX_STEPS = 2_000_000_000
 
-SPEED_HINT = 3e6
+SPEED_HINT = 4e6
 """Grain-steps per second of one core, for the estimate of the cost."""
 
 
