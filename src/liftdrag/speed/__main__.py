@@ -12,6 +12,7 @@ from liftdrag.speed.growth import growth
 from liftdrag.speed.lammps import against_lammps
 from liftdrag.speed.shapes import against_discs
 from liftdrag.speed.sizes import sizes
+from liftdrag.speed.skips import skips
 
 MEASURES: dict[str, Callable[[], Iterator[str]]] = {
     "lammps": against_lammps,
@@ -19,6 +20,7 @@ MEASURES: dict[str, Callable[[], Iterator[str]]] = {
     "sizes": sizes,
     "columns": columns,
     "growth": growth,
+    "skips": skips,
 }
 """The measurements by name."""
 
