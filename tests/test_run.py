@@ -435,7 +435,7 @@ class TestUnderOpenMpi:
             env=mpi.outside(os.environ) | mpi.settings(mpi.OPEN_MPI, os.environ),
         )
 
-    @each_program
+    @one_program
     def test_the_jobs_ranks_are_used(self, name, tmp_path):
         done = self.run(name, tmp_path, "--json")
         assert done.returncode == 0, done.stderr
