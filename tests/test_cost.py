@@ -23,6 +23,7 @@ from liftdrag.cost.memory import needed
 from liftdrag.cost.work import Work, work_of
 from liftdrag.engines import engine
 from liftdrag.engines.base import Engine, Outcome
+from liftdrag.errors import InputError
 from liftdrag.numerics import derive
 from liftdrag.progress import reported
 from liftdrag.runner import run
@@ -352,3 +353,12 @@ def test_the_packages_are_installed_with_the_rest():
     listed = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     assert {"liftdrag.cost", "liftdrag.speed"} <= set(listed)
     assert history.LAST == 5
+
+
+@pytest.mark.parametrize("name", ["quick", "janssen/quick"])
+def test_a_folder_in_use_is_refused_before_the_cost_is_said(name, tmp_path, caplog):
+    (tmp_path / "mine").touch()
+    caplog.set_level("INFO")
+    with pytest.raises(InputError, match="not an empty folder"):
+        run(load(name), tmp_path)
+    assert not caplog.messages

@@ -62,6 +62,12 @@ def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
         raise InputError(f"The folder {out or parent} cannot be used: {reason}.") from None
 
 
+def check_free(out: str | Path | None) -> None:
+    """Raise InputError when `out` is given and in use, before anything is done for it."""
+    if out is not None and Path(out).exists():
+        fresh(out, "")
+
+
 def _empty(folder: Path) -> Path:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"--out {folder} exists and is not an empty folder; choose another.")

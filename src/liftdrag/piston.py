@@ -29,7 +29,7 @@ from liftdrag.engines.fills import read_fills
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RESULT, Record, fresh, write_json
+from liftdrag.folder import RESULT, Record, check_free, fresh, write_json
 from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import packed_column
 from liftdrag.pictures import janssen as pictures
@@ -93,6 +93,7 @@ def run(
         engine.join()
     try:
         engine.check(ranks)
+        check_free(out)
         ranks = world.size if world.size > 1 else ranks
         found, alarms = _probed(scene_of(case), engine, ignore_probes)
         expected = foresee(scene_of(case), derive(scene_of(case), ranks), engine, ranks)

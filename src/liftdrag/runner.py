@@ -26,7 +26,7 @@ from liftdrag.engines.base import Engine, Enough, Progress, silent
 from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RESULT, Record, fresh, read_json, write_json
+from liftdrag.folder import RESULT, Record, check_free, fresh, read_json, write_json
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result, answered, budgeted
@@ -136,6 +136,7 @@ def _run_tank(
         chosen.join()
     try:
         chosen.check(ranks)
+        check_free(out)
         ranks = world.size if world.size > 1 else ranks
         names = TANK if world.size > 1 or ranks == 1 else (*TANK, "ranks")
         subject = Subject(contact_of(scene), scene.grains.density)
