@@ -40,7 +40,7 @@ NANOSECONDS = {
 UNKNOWN = 250.0
 """The same of what is not in the table."""
 
-GROWTH = ((1e2, 0.80), (1e3, 0.92), (1e4, 1.0), (1e5, 1.16), (3e5, 1.25), (1e6, 1.4))
+GROWTH = ((1e2, 0.80), (1e3, 0.95), (1e4, 1.0), (1e5, 1.15), (3e5, 1.34), (1e6, 1.7))
 """Grains, and the time of a grain-step over that with 10 000: less and less is in the caches."""
 
 SHARED, FEW = 0.15, 400.0
