@@ -171,7 +171,9 @@ def test_ensemble_counts_packings_in_order_and_covers():
         ({"quantity": ["drag", "lift"]}, "how well the drag must be known"),
         ({"quantity": [], "relative_error": 0.1}, "stop.quantity"),
         ({"relative_error": {"lift": 0.1}}, "stop.relative_error = 'lift'"),
-        ({"relative_error": -1.0}, "stop.relative_error"),
+        ({"relative_error": -1.0}, "stop.relative_error = -1: this should be a positive number"),
+        ({"relative_error": float("nan")}, "stop.relative_error = nan: this should be a positive"),
+        ({"quantity": 3, "relative_error": 0.1}, "stop.quantity = 3: this should be the name"),
         ({"quantity": "drag", "until": 3}, "stop.until"),
     ],
 )
@@ -179,6 +181,7 @@ def test_bad_stop_is_refused_by_its_key(table, says):
     with pytest.raises(InputError) as caught:
         _ = load("quick").set("stop", table).scene
     assert says in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 def test_errors_of_several_quantities_are_one_number_or_a_table():

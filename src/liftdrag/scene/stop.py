@@ -4,14 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
 from liftdrag.errors import CaseError
 from liftdrag.scene.model import Part
 
 Error = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+def _in_one_sentence(sentence: str) -> WrapValidator:
+    """Whatever is wrong with a value that may be of two kinds, said once."""
+
+    def checked(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return check(value)
+        except ValidationError:
+            raise ValueError(sentence) from None
+
+    return WrapValidator(checked)
+
+
+Errors = Annotated[
+    Error | dict[str, Error],
+    _in_one_sentence("this should be a positive number, or a table of one for each quantity"),
+]
+Names = Annotated[
+    str | list[str], _in_one_sentence("this should be the name of a quantity, or a list of names")
+]
 
 
 @dataclass(frozen=True)
@@ -31,9 +52,9 @@ class Stop(Part):
     An error is one number for all of them, or a table with a number for each.
     """
 
-    quantity: str | list[str] | None = None
-    relative_error: Error | dict[str, Error] | None = None
-    absolute_error: Error | dict[str, Error] | None = None
+    quantity: Names | None = None
+    relative_error: Errors | None = None
+    absolute_error: Errors | None = None
 
     def targets(self, known: Sequence[str]) -> Mapping[str, Target]:
         """The target of each quantity of `known` that is asked for, by default the first.
