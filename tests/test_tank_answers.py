@@ -101,6 +101,23 @@ def test_the_solid_fraction_cancels_where_only_the_lid_has_weight():
         assert share == pytest.approx(q["drag"].standard_error / q["drag"].mean, rel=1e-9)
 
 
+def test_a_drag_that_follows_a_slow_depth_has_a_steady_coefficient():
+    """The far surface falls by a third: C_d's error is that of drag over depth, not the fall's."""
+    series, depths = made_up(SCENE), np.linspace(0.016, 0.010, 400)
+    noise = series["drag"] / series["drag"].mean()
+    when = np.linspace(0.0, SCENE.drive.distance / SCENE.drive.speed, 400)
+    follows = 150.0 * np.interp(series.time, when, depths) * noise
+    series = replace(series, channels=dict(series.channels) | {"drag": follows})
+    q = answers(SCENE, series, surfaces(SCENE, level(SCENE, depths))).quantities
+    front = SCENE.intruder.diameter * SCENE.tank.thickness
+    truth = 150.0 / (0.6 * 2500.0 * 9.81 * front)
+    assert q["drag_coefficient"].mean == pytest.approx(truth, rel=5e-3)
+    assert q["drag_coefficient"].converged
+    own = float(noise.std()) / np.sqrt(len(series))
+    assert q["drag_coefficient"].standard_error < 4.0 * own * truth
+    assert q["depth"].standard_error > 0.05 * q["depth"].mean
+
+
 def test_a_slipping_bed_is_said():
     series = made_up(SCENE, bed_speed=0.9 * SCENE.drive.speed)
     found = answers(SCENE, series, surfaces(SCENE, [level(SCENE, 0.012)] * 60))

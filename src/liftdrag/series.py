@@ -41,8 +41,12 @@ class Series:
 
     def first(self, count: int) -> Series:
         """The first `count` samples."""
-        channels = {name: values[:count] for name, values in self.channels.items()}
-        return Series(self.time[:count], channels, self.units)
+        return self.part(0, count)
+
+    def part(self, start: int, stop: int) -> Series:
+        """The samples from number `start` to before `stop`."""
+        channels = {name: values[start:stop] for name, values in self.channels.items()}
+        return Series(self.time[start:stop], channels, self.units)
 
     @property
     def interval(self) -> float:

@@ -9,6 +9,7 @@ from math import hypot
 import numpy as np
 
 from liftdrag import granular
+from liftdrag.analysis.correlated import ratio_of_means
 from liftdrag.analysis.errorbars import average
 from liftdrag.analysis.quantity import Quantity, ratio, shortcomings
 from liftdrag.analysis.steady import SteadyWindow, common_window, steady_window
@@ -58,13 +59,15 @@ def answers(scene: TankScene, series: Series, surfaces: Iterable[Surface]) -> An
     says so. Raises InputError when the series ends before the flow is steady.
     """
     window = _window(scene, series)
+    steady = series.part(window.start, window.stop)
     mean = {name: _average(series, name, window) for name in series.channels}
-    depth = _depth(scene, surfaces, series.time[window.start], series.time[window.stop - 1])
+    depths = _depths(scene, surfaces, steady.time[0], steady.time[-1])
+    depth = _quantity(depths.metres, depths.interval, "m")
     fraction = mean["solid_fraction"]
     quantities = {
         "drag": mean["drag"],
         "lift": mean["lift"],
-        **_coefficients(scene, mean, _weight(scene, depth, fraction)),
+        **_coefficients(scene, steady, mean, depths),
         "solid_fraction": fraction,
         "depth": depth,
         "effective_depth": _effective_depth(scene, depth, fraction),
@@ -102,16 +105,27 @@ def _quantity(values: np.ndarray, interval: float, unit: str) -> Quantity:
         return Quantity(float(values.mean()), float(values.std()), unit, None, 1.0, False)
 
 
-def _depth(scene: TankScene, surfaces: Iterable[Surface], start: float, end: float) -> Quantity:
-    """Depth of the axis below the far field's free surface, from `start` to `end` (s)."""
+@dataclass(frozen=True)
+class _Depths:
+    """Depths (n,) in m of the axis below the far field's free surface, at `times` (n,) in s."""
+
+    times: np.ndarray
+    metres: np.ndarray
+
+    @property
+    def interval(self) -> float:
+        return float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
+
+
+def _depths(scene: TankScene, surfaces: Iterable[Surface], start: float, end: float) -> _Depths:
+    """Those from `start` to `end` (s)."""
     (left, right), (low, high) = scene.far_field, scene.far_band
     d, area = scene.grains.diameter, (right - left) * scene.tank.thickness
     inside = [(time, heights) for time, heights in surfaces if start <= time <= end]
     if len(inside) < 2:
         raise InputError("The far field's surface was not recorded; run the case again.")
     levels = [surface_height(heights, d, area, (low + d, high)) for _, heights in inside]
-    interval = (inside[-1][0] - inside[0][0]) / (len(inside) - 1)
-    return _quantity(np.array(levels) - scene.axis_height, interval, "m")
+    return _Depths(np.array([time for time, _ in inside]), np.array(levels) - scene.axis_height)
 
 
 def _lid_columns(scene: TankScene) -> float:
@@ -121,42 +135,48 @@ def _lid_columns(scene: TankScene) -> float:
     return granular.lid_depth(scene.grains.diameter, scene.lid.density_ratio)
 
 
-def _combined(depth: Quantity, mean: float, error: float, unit: str, used: bool) -> Quantity:
-    """A quantity made of the depth, where it is `used`, and of the solid fraction."""
-    time, count = depth.correlation_time, depth.n_independent
-    return Quantity(mean, error, unit, time, count, depth.converged or not used)
-
-
 def _effective_depth(scene: TankScene, depth: Quantity, fraction: Quantity) -> Quantity:
     """h~ = h + (pi d / 6) rho*/rho, without h where the bulk has no weight."""
     own = 1.0 if scene.bulk_gravity else 0.0
     lid = _lid_columns(scene) / fraction.mean
     error = hypot(own * depth.standard_error, lid * fraction.standard_error / fraction.mean)
-    return _combined(depth, own * depth.mean + lid, error, "m", own > 0.0)
+    time, count = depth.correlation_time, depth.n_independent
+    return Quantity(own * depth.mean + lid, error, "m", time, count, depth.converged or own == 0.0)
 
 
-def _weight(scene: TankScene, depth: Quantity, fraction: Quantity) -> Quantity:
-    """rho g h~ (Pa), in which the solid fraction multiplies the depth but not the lid."""
+def _weight(scene: TankScene, steady: Series, depths: _Depths) -> np.ndarray:
+    """rho g h~ (n,) in Pa, in which the solid fraction multiplies the depth but not the lid."""
     own = 1.0 if scene.bulk_gravity else 0.0
-    scale = scene.grains.density * GRAVITY
-    solid = own * fraction.mean * depth.mean + _lid_columns(scene)
-    error = own * hypot(fraction.mean * depth.standard_error, depth.mean * fraction.standard_error)
-    return _combined(depth, scale * solid, scale * error, "Pa", own > 0.0)
+    depth = np.interp(steady.time, depths.times, depths.metres)
+    solid = own * steady["solid_fraction"] * depth + _lid_columns(scene)
+    return np.asarray(scene.grains.density * GRAVITY * solid)
 
 
 def _coefficients(
-    scene: TankScene, mean: dict[str, Quantity], weight: Quantity
+    scene: TankScene, steady: Series, mean: dict[str, Quantity], depths: _Depths
 ) -> dict[str, Quantity]:
-    """C_d = F/(rho g h~ D L), C_l = F/(rho g (pi D^2/4) L), and C_d by the measured overburden."""
+    """C_d = F/(rho g h~ D L), C_l = F/(rho g (pi D^2/4) L), and C_d by the measured overburden.
+
+    The drag follows the slow rise and fall of the weight above the cylinder: C_d's error is that
+    of the ratio of the two series, in which what they share cancels.
+    """
     front = scene.intruder.diameter * scene.tank.thickness
     displaced = scene.intruder.section * scene.tank.thickness
     buoyancy = scene.grains.density * GRAVITY * displaced
-    drag, lift, overburden = mean["drag"], mean["lift"], mean["overburden"]
+    weight = _weight(scene, steady, depths)
     return {
-        "drag_coefficient": ratio(drag, 1.0 / front, [weight], "1"),
-        "lift_coefficient": ratio(lift, 1.0 / buoyancy, [mean["solid_fraction"]], "1"),
-        "drag_coefficient_overburden": ratio(drag, 1.0 / front, [overburden], "1"),
+        "drag_coefficient": _drag_ratio(steady, front * weight),
+        "lift_coefficient": ratio(mean["lift"], 1.0 / buoyancy, [mean["solid_fraction"]], "1"),
+        "drag_coefficient_overburden": _drag_ratio(steady, front * steady["overburden"]),
     }
+
+
+def _drag_ratio(steady: Series, scale: np.ndarray) -> Quantity:
+    """The mean drag over the mean of `scale` (n,) in N. Raises InputError where that is zero."""
+    found = ratio_of_means(steady["drag"], scale, steady.interval)
+    if found is None:
+        raise InputError("Nothing lies above the cylinder; run the case again, deeper.")
+    return found
 
 
 def _inertial_number(scene: TankScene, overburden: Quantity) -> Quantity:
