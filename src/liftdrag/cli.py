@@ -165,18 +165,28 @@ def run(
         int,
         typer.Option(help="Runs with seeds of their own, one a core, whose answers are pooled."),
     ] = 1,
+    cores: Annotated[
+        int | None,
+        typer.Option(help="Use so many cores in the way done sooner: by ranks or by replicas."),
+    ] = None,
     bench: Bench = None,
     as_json: Json = False,
 ) -> None:
     """Run a case and answer with averages and standard errors: drag and lift, or a curve."""
     from liftdrag.progress import reported
     from liftdrag.replicas import run as run_replicas
+    from liftdrag.replicas import spread
     from liftdrag.runner import run as run_case
 
     chosen, ignored = _case(case, settings), ignore_probe or ()
+    if cores is not None and (replicas != 1 or ranks is not None or dump):
+        raise InputError("--cores chooses; leave out --ranks, --replicas and --dump.")
     if replicas != 1 and (ranks is not None or dump):
         raise InputError("--replicas takes a core for each run; leave out --ranks and --dump.")
     with reported() as progress:
+        if cores is not None:
+            way = spread(chosen, cores, engine, engine_path)
+            chosen, ranks, replicas = way.case, way.ranks, way.replicas
         if replicas == 1:
             result = run_case(
                 chosen, out, engine, ranks, dump, progress, engine_path, ignored, bench

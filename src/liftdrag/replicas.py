@@ -6,9 +6,11 @@ settles a bed and passes the transient, so replicas pay where a run is long agai
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 
@@ -17,19 +19,24 @@ from liftdrag.analysis.precision import hidden_scatter, pooled
 from liftdrag.analysis.stopping import missed
 from liftdrag.case import Case
 from liftdrag.cost import cores
+from liftdrag.cost.kind import kind_of
+from liftdrag.cost.sharing import share
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Progress, silent
 from liftdrag.errors import InputError
 from liftdrag.folder import RESULT, fresh, read_json, write_json
 from liftdrag.result import Result, answered, budgeted
 from liftdrag.runner import analyze as analyze_one
+from liftdrag.runner import engine_for
 from liftdrag.runner import run as run_one
-from liftdrag.scene import Drag2DScene
+from liftdrag.scene import Drag2DScene, TankScene
 
 CASE = "replicas.json"
 """The case that the replicas of a folder belong to."""
 
 MOST = 1000
+
+_log = logging.getLogger("liftdrag")
 
 
 def run(
@@ -69,6 +76,37 @@ def run(
             pool.shutdown(cancel_futures=True)
             raise
     return budgeted(_pooled(case, folder, done), case, biases)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A case for its cores: as it stands on `ranks`, or shorter, as so many `replicas`."""
+
+    case: Case
+    ranks: int
+    replicas: int
+
+
+def spread(
+    case: Case, count: int, engine: str | None = None, engine_path: str | Path | None = None
+) -> Spread:
+    """The case on so many cores, in the way that is done sooner, which is said to the log.
+
+    A tank is shared by ranks, or run as replicas that together drive as far in the steady flow;
+    a piston is shared, and the packings of an ensemble are spread. Raises InputError.
+    """
+    if not 1 <= count <= cores():
+        raise InputError(f"--cores {count} is not between 1 and {cores()}, what this machine has.")
+    if mpi.world(program="liftdrag").size > 1:
+        raise InputError("Under mpiexec its ranks are used; leave out --cores.")
+    if count == 1 or not isinstance(case.scene, TankScene):
+        return Spread(case, count, 1)
+    chosen = engine_for(case, engine, engine_path)
+    found = share(case.scene, kind_of(case.scene, chosen, 1), count)
+    _log.info("%s", found)
+    if not found.prefers_replicas:
+        return Spread(case, count, 1)
+    return Spread(case.set("drive.distance", f"{found.diameters!r} D"), 1, count)
 
 
 def is_replicas(folder: Path) -> bool:
