@@ -144,11 +144,10 @@ def _effective_depth(scene: TankScene, depth: Quantity, fraction: Quantity) -> Q
     return Quantity(own * depth.mean + lid, error, "m", time, count, depth.converged or own == 0.0)
 
 
-def _weight(scene: TankScene, steady: Series, depths: _Depths) -> np.ndarray:
-    """rho g h~ (n,) in Pa, in which the solid fraction multiplies the depth but not the lid."""
+def _weight(scene: TankScene, fraction: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """rho g h~ (n,) in Pa, in which the solid fraction (n,) multiplies the depth, not the lid."""
     own = 1.0 if scene.bulk_gravity else 0.0
-    depth = np.interp(steady.time, depths.times, depths.metres)
-    solid = own * steady["solid_fraction"] * depth + _lid_columns(scene)
+    solid = own * fraction * depth + _lid_columns(scene)
     return np.asarray(scene.grains.density * GRAVITY * solid)
 
 
@@ -163,9 +162,11 @@ def _coefficients(
     front = scene.intruder.diameter * scene.tank.thickness
     displaced = scene.intruder.section * scene.tank.thickness
     buoyancy = scene.grains.density * GRAVITY * displaced
-    weight = _weight(scene, steady, depths)
+    fraction, depth = steady["solid_fraction"], np.interp(steady.time, depths.times, depths.metres)
+    weight = _weight(scene, fraction, depth)
+    means = _weight(scene, fraction.mean(), depths.metres.mean())
     return {
-        "drag_coefficient": _drag_ratio(steady, front * weight),
+        "drag_coefficient": _drag_ratio(steady, front * weight * means / weight.mean()),
         "lift_coefficient": ratio(mean["lift"], 1.0 / buoyancy, [mean["solid_fraction"]], "1"),
         "drag_coefficient_overburden": _drag_ratio(steady, front * steady["overburden"]),
     }
