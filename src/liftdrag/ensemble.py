@@ -34,7 +34,7 @@ from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.folder import RESULT, Record, fresh, write_json
+from liftdrag.folder import RESULT, Record, check_free, fresh, write_json
 from liftdrag.numerics import Drag2DNumerics, derive, explained
 from liftdrag.packing.drag2d import packed
 from liftdrag.pictures import drag2d as pictures
@@ -154,6 +154,7 @@ def _begin(
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
     engine.check(1)
+    check_free(out)
     scene = _planar(case)
     numerics = derive(scene)
     probes, alarms = list[Probe](), list[str]()

@@ -194,6 +194,7 @@ def build_deck(
 
     Returns the folder, the numbers with their reasons, and the command that runs it there.
     """
+    check_free(out)
     chosen = engine_for(case, engine, engine_path)
     program = chosen.dialect.program
     if isinstance(case.scene, Drag2DScene):
