@@ -47,6 +47,10 @@ from liftdrag.trust import trusted
 from liftdrag.version import VERSION
 
 OUTCOME = "outcome.json"
+
+CHANNELS = frozenset("drag lift left right bottom top".split())
+"""What the series of every engine has."""
+
 FILES = (RESULT, "drag.csv", "packings.csv", "drag.png", "flow.png")
 
 
@@ -121,9 +125,7 @@ def run(
 
 def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json`, tables and pictures."""
-    packings = [
-        _packing(folder, record, k) for k in range(result.get("packings", scene.ensemble.runs))
-    ]
+    packings = [_packing(folder, record, k) for k in range(_count(folder, scene, result))]
     found = drag2d.answers(scene, packings)
     short = missed(scene.targets, found.quantities, "ensemble.runs")
     warnings = [*record.alarms, *found.warnings, *record.warnings, *short]
@@ -136,6 +138,14 @@ def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str,
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *warnings]
     return Result(folder, result, found.quantities, found.series, None, FILES)
+
+
+def _count(folder: Path, scene: Drag2DScene, result: dict[str, Any]) -> int:
+    """How many packings were run. Raises InputError when `result` does not say it."""
+    count = result.get("packings", scene.ensemble.runs)
+    if not isinstance(count, int) or not 2 <= count <= scene.ensemble.runs:
+        raise InputError(f"{folder / RESULT} is damaged; run the case again.")
+    return count
 
 
 def _planar(case: Case) -> Drag2DScene:
@@ -379,6 +389,8 @@ def _packing(folder: Path, record: Record, number: int) -> Packing:
 
 
 def _check_complete(series: Series, record: Record) -> None:
+    if missing := CHANNELS - series.channels.keys():
+        raise ValueError(f"the series has no {min(missing)}")
     whole = record.plan.stages["drive"] * record.plan.time_step
     if abs(series.time[-1] / whole - 1.0) > 1e-6:
         raise ValueError(f"the series ends at {series.time[-1]:.4g} s, not at {whole:.4g} s")

@@ -6,16 +6,24 @@ import contextlib
 import errno
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from liftdrag.deck import Plan
 from liftdrag.errors import InputError, RunFailed, escaped, shown
+from liftdrag.files import read_bytes
 
 RECORD = "run.json"
 RESULT = "result.json"
+
+MOST_BYTES = 10_000_000
+"""The largest record."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +52,20 @@ class Record:
         """The record of a folder. Raises InputError when it is missing or damaged."""
         found = read_json(folder / RECORD)
         try:
-            record = cls(**found | {"plan": Plan(**found["plan"])})
-            if isinstance(record.tables, dict) and isinstance(record.alarms, list):
-                return record
-            raise TypeError
-        except (KeyError, TypeError):
+            record = TypeAdapter(cls).validate_json(json.dumps(found), strict=True)
+        except ValidationError:
             raise _damaged(folder / RECORD) from None
+        if not _is_sound(record.plan):
+            raise _damaged(folder / RECORD)
+        return record
+
+
+def _is_sound(plan: Plan) -> bool:
+    """Whether its numbers can be reckoned with, and its files are those of its folder."""
+    ours = all(re.fullmatch(r"[a-z]+\.(dat|csv)", name) for name in plan.series)
+    return (
+        ours and 0.0 < plan.time_step < inf and min(plan.row_every, plan.stages.get("drive", 0)) > 0
+    )
 
 
 def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
@@ -119,14 +135,14 @@ def _next_free(base: Path) -> Path:
 def read_json(path: Path) -> dict[str, Any]:
     """A JSON object of a file. Raises InputError when it is missing or damaged."""
     try:
-        found = json.loads(path.read_text("utf-8"))
+        found = json.loads(read_bytes(path, MOST_BYTES))
     except FileNotFoundError:
         raise InputError(
             f"{path.parent} holds no {path.name}: no run of liftdrag has ended there."
         ) from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise _damaged(path) from None
     if not isinstance(found, dict):
         raise _damaged(path)

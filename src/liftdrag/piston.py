@@ -176,6 +176,8 @@ def _read(folder: Path, scene: JanssenScene, record: Record) -> tuple[Series, Ja
         series, profiles = engine.series(plan, folder), list(engine.profiles(plan, folder))
         if not profiles or profiles[-1].time < fills[-1].end * (1.0 - 1e-9):
             raise ValueError("the profiles end before the run")
+        if fills[-1].end - series.time[-1] > (plan.row_every - 0.5) * plan.time_step:
+            raise ValueError("the series ends before the run")
         return series, answers(scene, series, profiles, fills)
     except InputError:
         raise
