@@ -24,7 +24,7 @@ from liftdrag.analysis import drag2d
 from liftdrag.analysis.drag2d import EnsembleAnswers, Packing
 from liftdrag.analysis.stopping import EnsembleStopping, missed
 from liftdrag.case import Case
-from liftdrag.cost import Estimate, cores, foresee
+from liftdrag.cost import Estimate, check_means, cores, foresee
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
 from liftdrag.deck.drag2d import build, check_shape, contact_of, read_bed
@@ -167,6 +167,7 @@ def _begin(
     check_free(out)
     scene = _planar(case)
     numerics = derive(scene)
+    check_means(scene, numerics, engine, workers, out)
     probes, alarms = list[Probe](), list[str]()
     if engine.dialect is not IN_HOUSE:
         subject = Subject(contact_of(scene), scene.grains.density)

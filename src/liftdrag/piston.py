@@ -17,7 +17,7 @@ from liftdrag.analysis.janssen import (
 )
 from liftdrag.analysis.janssen_stop import FillStopping
 from liftdrag.case import Case
-from liftdrag.cost import foresee
+from liftdrag.cost import check_means, foresee
 from liftdrag.deck import Deck, Plan
 from liftdrag.deck.column import contact_of
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
@@ -95,6 +95,7 @@ def run(
         engine.check(ranks)
         check_free(out)
         ranks = world.size if world.size > 1 else ranks
+        check_means(scene_of(case), derive(scene_of(case), ranks), engine, ranks, out)
         found, alarms = _probed(scene_of(case), engine, ignore_probes)
         expected = foresee(scene_of(case), derive(scene_of(case), ranks), engine, ranks)
         progress("compile" if own and is_cold() else "packing", 0, 1)

@@ -17,7 +17,7 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.stopping import Stopping, missed
 from liftdrag.analysis.tank import FORCES, Answers, answers, forces
 from liftdrag.case import Case
-from liftdrag.cost import foresee
+from liftdrag.cost import check_means, foresee
 from liftdrag.deck import Deck, Plan
 from liftdrag.deck.dialect import IN_HOUSE, LAMMPS, Dialect
 from liftdrag.deck.drag2d import check_shape
@@ -141,11 +141,12 @@ def _run_tank(
         chosen.check(ranks)
         check_free(out)
         ranks = world.size if world.size > 1 else ranks
+        kept = beds.kept(scene)
+        planned = derive(scene, ranks, settled=kept == "settled")
+        check_means(scene, planned, chosen, ranks, out, dump)
         names = TANK if world.size > 1 or ranks == 1 else (*TANK, "ranks")
         subject = Subject(contact_of(scene), scene.grains.density)
         found, alarms = trusted(chosen, subject, names, ignore_probes)
-        kept = beds.kept(scene)
-        planned = derive(scene, ranks, settled=kept == "settled")
         expected = foresee(scene, planned, chosen, ranks, packed=kept != "nothing")
         start = beds.find(scene)
         numerics, deck = prepare(case, ranks, dump, chosen.dialect, start.bed)
