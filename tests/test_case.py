@@ -263,7 +263,7 @@ def files(folder: Path) -> dict[str, Path]:
     (folder / "latin.toml").write_bytes('name = "K\xf6ln"'.encode("latin-1"))
     (folder / "folder.toml").mkdir()
     (folder / "big.toml").write_text("#" * (MAX_BYTES + 1))
-    (folder / "deep.toml").write_text("a = " + "[" * 100_000)
+    (folder / "deep.toml").write_text("a = " + "[\n" * 40_000)
     return {path.stem: path for path in [*folder.iterdir(), folder / "absent.toml"]}
 
 

@@ -17,7 +17,7 @@ from jinja2 import nodes
 import liftdrag.deck.tank
 from liftdrag.case import Case, load, packaged
 from liftdrag.deck import Deck
-from liftdrag.deck.commands import ALLOWED, check_commands
+from liftdrag.deck.commands import DECKS, check_commands
 from liftdrag.deck.dialect import DIALECTS, LAMMPS, LIGGGHTS, Dialect
 from liftdrag.deck.tank import build
 from liftdrag.deck.template import render, template
@@ -227,18 +227,19 @@ def test_template_computes_nothing(name: str):
 )
 def test_command_outside_the_list_is_refused(line: str):
     with pytest.raises(ValueError, match="which is not allowed"):
-        check_commands(f"units si\n{line}\nrun 0\n")
+        check_commands(f"units si\n{line}\nrun 0\n", "in.tank")
 
 
 def test_allowed_commands_and_comments_pass():
     text = "# shell ls\n\n   # jump SELF\nunits si # shell\n  run 0\n"
-    assert check_commands(text) is None
+    assert check_commands(text, "in.tank") is None
     assert commands(text) == ["units", "run"]
 
 
 def test_list_holds_no_command_that_runs_programs_or_reads_scripts():
     dangerous = {"shell", "python", "include", "jump", "plugin", "next", "log", "info"}
-    assert not ALLOWED & dangerous
+    for rules in DECKS.values():
+        assert not rules.commands & dangerous
 
 
 TANKS = [case for case in map(load, packaged()) if case.tables["scene"] == "tank"]
@@ -248,7 +249,7 @@ TANKS = [case for case in map(load, packaged()) if case.tables["scene"] == "tank
 @pytest.mark.parametrize("case", [*TANKS, *EXPERIMENTS.values()], ids=lambda case: case.name)
 def test_deck_of_every_case_holds_allowed_commands_only(case: Case):
     text = deck_of(case).texts["in.tank"]
-    assert set(commands(text)) <= ALLOWED
+    assert set(commands(text)) <= DECKS["in.tank"].commands
     assert commands(text).count("run") == 2
     assert "{{" not in text
     assert "{%" not in text

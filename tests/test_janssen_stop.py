@@ -21,6 +21,7 @@ from liftdrag.analysis.janssen_curve import curve_points
 from liftdrag.analysis.janssen_stop import LEAST_WAY, FillStopping, load
 from liftdrag.case import Case
 from liftdrag.deck import Plan
+from liftdrag.deck.column import START
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import DIALECTS, IN_HOUSE, LIGGGHTS, Dialect
 from liftdrag.engines import engine, stopper
@@ -169,9 +170,9 @@ def test_deck_in_house_is_the_same_with_a_stop():
     ],
 )
 def test_piece_of_a_fill_is_allowed_to_the_letter(line: str):
-    check_commands("include stop-12.lmp\nnext piece_12\njump SELF average_12\n")
+    check_commands("include stop-12.lmp\nnext piece_12\njump SELF average_12\n", START)
     with pytest.raises(ValueError, match="which is not allowed"):
-        check_commands(line)
+        check_commands(line, START)
 
 
 @pytest.fixture

@@ -438,7 +438,7 @@ def test_template_uses_every_number_and_no_other(
 ):
     seen: list[set[str]] = []
     monkeypatch.setattr(liftdrag.deck.planar, "render", lambda _, names: seen.append(set(names)))
-    monkeypatch.setattr(liftdrag.deck.planar, "check_commands", lambda _: None)
+    monkeypatch.setattr(liftdrag.deck.planar, "check_commands", lambda *_: None)
     deck_of(which, dialect)
     assert seen == [asked(f"{dialect.folder}/drag2d.in.j2")]
 

@@ -16,11 +16,19 @@ from typing import Any, NoReturn, get_args
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from liftdrag.errors import CaseError, InputError, shown
+from liftdrag.errors import CaseError, InputError, escaped, shown
+from liftdrag.files import is_file, read_bytes
 from liftdrag.scene import SCENES, Scene
 from liftdrag.scene.quantities import Length
 
-MAX_BYTES = 1_000_000
+MAX_BYTES = 100_000
+"""The largest case or study file."""
+
+MAX_LINE = 1000
+"""Characters of its longest line: a key with thousands of dots takes Python hours to read."""
+
+MOST_ERRORS = 10
+"""Wrong keys that get a sentence each."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +59,8 @@ class Case:
 def load(case: str | Path) -> Case:
     """The case of a path, or a packaged one by its name ("quick"). Raises InputError."""
     path = Path(case)
-    if path.suffix == ".toml" or _is_file(path):
-        return Case(path.stem, parse(read_text(path, "case"), f"case {path}"))
+    if path.suffix == ".toml" or is_file(path):
+        return Case(path.stem, parse(read_text(path, "case"), f"case {escaped(str(path))}"))
     packaged_cases = packaged()
     if str(case) not in packaged_cases:
         raise InputError(f"There is no case {shown(str(case))}: {_nearest_case(str(case))}")
@@ -82,13 +90,6 @@ def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, Traversable]]
             yield prefix + entry.name.removesuffix(".toml"), entry
 
 
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
 def _nearest_case(name: str) -> str:
     close = difflib.get_close_matches(name, packaged(), n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
@@ -97,20 +98,26 @@ def _nearest_case(name: str) -> str:
 
 def read_text(path: Path, kind: str) -> str:
     """The text of a case or study file. Raises InputError when it cannot be one."""
+    name = escaped(str(path))
     try:
-        if path.stat().st_size <= MAX_BYTES:
-            return path.read_text("utf-8")
+        text = read_bytes(path, MAX_BYTES).decode("utf-8")
     except OSError as error:
-        raise InputError(f"The {kind} {path} cannot be read: {error.strerror}.") from None
+        reason = error.strerror
     except UnicodeDecodeError:
-        raise InputError(f"The {kind} {path} is not UTF-8 text; is it a {kind} file?") from None
+        reason = f"it is not UTF-8 text, as a {kind} file is"
     except ValueError:
-        raise InputError(f"The {kind} {shown(str(path))} is no path; give a {kind} file.") from None
-    raise InputError(f"{path} is larger than {MAX_BYTES} bytes, no {kind} file; check it.")
+        reason = "it is no path"
+    else:
+        return text
+    raise InputError(f"The {kind} {name} cannot be read: {reason}.") from None
 
 
 def parse(text: str, name: str) -> dict[str, Any]:
     """The tables of a TOML text called `name`. Raises InputError when it is none."""
+    if text.startswith("\ufeff"):
+        raise InputError(f"The {name} begins with a byte-order mark; save it as UTF-8 without.")
+    if max(map(len, text.split("\n"))) > MAX_LINE:
+        raise InputError(f"The {name} has a line of over {MAX_LINE} characters; is it one?")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -129,6 +136,8 @@ def _split(key: str) -> list[str]:
 
 
 def _value(text: str) -> object:
+    if len(text) > MAX_LINE:
+        return text
     try:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -146,15 +155,19 @@ def _scene(tables: Mapping[str, Any]) -> Scene:
     try:
         return model.model_validate(dict(tables), context=_diameters(tables))
     except ValidationError as error:
-        sentences = [_sentence(detail, model) for detail in error.errors()]
-        raise _joined(sentences) from None
+        details = error.errors()
+        sentences = [_sentence(detail, model) for detail in details[:MOST_ERRORS]]
+        raise _joined(sentences, len(details) - len(sentences)) from None
 
 
-def _joined(errors: list[CaseError]) -> InputError:
+def _joined(errors: list[CaseError], more: int) -> InputError:
     """One error of all; a table that is none makes other keys wrong too, and is named alone."""
     tables = [error for error in errors if error.problem == _NO_TABLE]
     errors = tables or errors
-    return errors[0] if len(errors) == 1 else InputError("\n".join(map(str, errors)))
+    if len(errors) == 1 and not more:
+        return errors[0]
+    others = [f"And {more} more keys are wrong."] if more else []
+    return InputError("\n".join([*map(str, errors), *others]))
 
 
 def _model(tables: Mapping[str, Any]) -> type[Scene]:

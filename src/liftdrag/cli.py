@@ -6,13 +6,14 @@ import json
 import shlex
 import signal
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from liftdrag.errors import InputError, RunFailed
+from liftdrag.errors import InputError, RunFailed, escaped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -289,7 +290,9 @@ def analyze(
     as_json: Json = False,
 ) -> None:
     """Average again from a run's folder, or from a force table or contact dump of your own."""
-    if path.is_dir():
+    from liftdrag.files import is_folder
+
+    if is_folder(path):
         from liftdrag import replicas, runner
 
         _refuse_options(context, {"path", "bench", "as_json"})
@@ -427,6 +430,8 @@ def main() -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app()
     except SystemExit as end:
@@ -437,6 +442,10 @@ def main() -> None:
         _fail(error, 2)
     except RunFailed as error:
         _fail(error, 1)
+    except OSError as error:
+        _fail(RunFailed("engine_error", f"{error.filename}: {error.strerror}."), 1)
+    except MemoryError:
+        _fail(RunFailed("killed", "This needs more memory than there is."), 1)
     except KeyboardInterrupt:
         _fail(RunFailed("killed", "Interrupted."), 1)
 
@@ -451,5 +460,5 @@ def _fail(error: Exception, status: int) -> NoReturn:
     from liftdrag.engines import mpi
 
     if mpi.is_first():
-        print(error, file=sys.stderr)
+        print(*map(escaped, str(error).split("\n")), sep="\n", file=sys.stderr)
     sys.exit(status)

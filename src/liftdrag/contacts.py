@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn, TextIO
 
 import numpy as np
 
-from liftdrag.errors import InputError
+from liftdrag.errors import InputError, escaped
+from liftdrag.files import check_ordinary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,13 +75,15 @@ def snapshots(path: Path, drag_column: str, lift_column: str) -> Iterator[Sum]:
     Raises InputError as `read_contact_dump` does.
     """
     try:
+        check_ordinary(path)
         with path.open(encoding="utf-8", errors="replace") as handle:
             _check_is_dump(path, handle.read(4096))
             handle.seek(0)
             yield from _Dump(path, handle, (drag_column, lift_column)).snapshots()
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise InputError(f"{path}: {reason}; give the path of a readable dump file.") from error
+        name = escaped(str(path))
+        raise InputError(f"{name}: {reason}; give the path of a readable dump file.") from error
 
 
 def _check_is_dump(path: Path, start: str) -> None:
@@ -190,7 +193,9 @@ class _Dump:
             return names.index(name)
         close = difflib.get_close_matches(name, names, n=1)
         hint = f", did you mean {close[0]}" if close else ""
-        raise InputError(f"{self.path}: no column {name}{hint}; take one of {', '.join(names)}.")
+        raise InputError(
+            f"{self.path}: no column {escaped(name[:60])}{hint}; take one of {', '.join(names)}."
+        )
 
     def fail(self, problem: str, line_number: int | None = None) -> NoReturn:
         raise InputError(

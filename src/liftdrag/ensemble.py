@@ -24,7 +24,7 @@ from liftdrag.analysis import drag2d
 from liftdrag.analysis.drag2d import EnsembleAnswers, Packing
 from liftdrag.analysis.stopping import EnsembleStopping, missed
 from liftdrag.case import Case
-from liftdrag.cost import Estimate, cores, foresee
+from liftdrag.cost import Estimate, check_means, cores, foresee
 from liftdrag.deck import Deck
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
 from liftdrag.deck.drag2d import build, check_shape, contact_of, read_bed
@@ -34,7 +34,7 @@ from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.folder import RESULT, Record, fresh, write_json
+from liftdrag.folder import RESULT, Record, check_free, fresh, write_json
 from liftdrag.numerics import Drag2DNumerics, derive, explained
 from liftdrag.packing.drag2d import packed
 from liftdrag.pictures import drag2d as pictures
@@ -47,6 +47,10 @@ from liftdrag.trust import trusted
 from liftdrag.version import VERSION
 
 OUTCOME = "outcome.json"
+
+CHANNELS = frozenset("drag lift left right bottom top".split())
+"""What the series of every engine has."""
+
 FILES = (RESULT, "drag.csv", "packings.csv", "drag.png", "flow.png")
 
 
@@ -121,9 +125,7 @@ def run(
 
 def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json`, tables and pictures."""
-    packings = [
-        _packing(folder, record, k) for k in range(result.get("packings", scene.ensemble.runs))
-    ]
+    packings = [_packing(folder, record, k) for k in range(_count(folder, scene, result))]
     found = drag2d.answers(scene, packings)
     short = missed(scene.targets, found.quantities, "ensemble.runs")
     warnings = [*record.alarms, *found.warnings, *record.warnings, *short]
@@ -136,6 +138,14 @@ def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str,
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *warnings]
     return Result(folder, result, found.quantities, found.series, None, FILES)
+
+
+def _count(folder: Path, scene: Drag2DScene, result: dict[str, Any]) -> int:
+    """How many packings were run. Raises InputError when `result` does not say it."""
+    count = result.get("packings", scene.ensemble.runs)
+    if not isinstance(count, int) or not 2 <= count <= scene.ensemble.runs:
+        raise InputError(f"{folder / RESULT} is damaged; run the case again.")
+    return count
 
 
 def _planar(case: Case) -> Drag2DScene:
@@ -154,8 +164,10 @@ def _begin(
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
     engine.check(1)
+    check_free(out)
     scene = _planar(case)
     numerics = derive(scene)
+    check_means(scene, numerics, engine, workers, out)
     probes, alarms = list[Probe](), list[str]()
     if engine.dialect is not IN_HOUSE:
         subject = Subject(contact_of(scene), scene.grains.density)
@@ -378,6 +390,8 @@ def _packing(folder: Path, record: Record, number: int) -> Packing:
 
 
 def _check_complete(series: Series, record: Record) -> None:
+    if missing := CHANNELS - series.channels.keys():
+        raise ValueError(f"the series has no {min(missing)}")
     whole = record.plan.stages["drive"] * record.plan.time_step
     if abs(series.time[-1] / whole - 1.0) > 1e-6:
         raise ValueError(f"the series ends at {series.time[-1]:.4g} s, not at {whole:.4g} s")

@@ -16,13 +16,21 @@ class CaseError(InputError):
     def __init__(self, key: str, value: object, problem: str, remedy: str):
         self.key, self.value, self.problem, self.remedy = key, value, problem, remedy
         given = "" if value is None else f" = {shown(value)}"
-        super().__init__(f"{key[:60]}{given}: {problem}; {remedy}.")
+        super().__init__(f"{escaped(key[:60])}{given}: {problem}; {remedy}.")
 
 
 def shown(value: object) -> str:
     """A value as an error repeats it: short."""
-    text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    try:
+        text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        return "a huge number"
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def escaped(text: str) -> str:
+    """A text with what a terminal would obey, or break a line at, written as Python does."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 def at_least(value: float) -> str:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from liftdrag.deck import Plan
-from liftdrag.errors import InputError, RunFailed
+from liftdrag.errors import InputError, RunFailed, escaped, shown
+from liftdrag.files import read_bytes
 
 RECORD = "run.json"
 RESULT = "result.json"
+
+MOST_BYTES = 10_000_000
+"""The largest record."""
 
 
 @dataclass(frozen=True)
@@ -43,36 +52,72 @@ class Record:
         """The record of a folder. Raises InputError when it is missing or damaged."""
         found = read_json(folder / RECORD)
         try:
-            record = cls(**found | {"plan": Plan(**found["plan"])})
-            if isinstance(record.tables, dict) and isinstance(record.alarms, list):
-                return record
-            raise TypeError
-        except (KeyError, TypeError):
+            record = TypeAdapter(cls).validate_json(json.dumps(found), strict=True)
+        except ValidationError:
             raise _damaged(folder / RECORD) from None
+        if not _is_sound(record.plan):
+            raise _damaged(folder / RECORD)
+        return record
+
+
+def _is_sound(plan: Plan) -> bool:
+    """Whether its numbers can be reckoned with, and its files are those of its folder."""
+    ours = all(re.fullmatch(r"[a-z]+\.(dat|csv)", name) for name in plan.series)
+    return (
+        ours and 0.0 < plan.time_step < inf and min(plan.row_every, plan.stages.get("drive", 0)) > 0
+    )
 
 
 def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
     """A folder to write to: `out`, which must be empty or new, or the next free one."""
+    with _refused(out or parent):
+        return _next_free(Path(parent) / _inside(name)) if out is None else _empty(Path(out))
+
+
+def check_free(out: str | Path | None) -> None:
+    """Raise InputError when `out`, or runs/, cannot be used, before anything is done for it."""
+    folder = Path(out or "runs").absolute()
+    with _refused(folder):
+        if out is not None:
+            _check_empty(Path(out))
+        there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+            raise OSError(0, f"Nothing can be written to {there}")
+
+
+def _empty(folder: Path) -> Path:
+    _check_empty(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _check_empty(folder: Path) -> None:
+    with contextlib.suppress(FileNotFoundError):
+        folder.lstat()
+    if os.path.lexists(folder) and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(
+            f"--out {escaped(str(folder))} exists and is not an empty folder; choose another."
+        )
+
+
+@contextlib.contextmanager
+def _refused(folder: str | Path) -> Iterator[None]:
+    """What the system says against a folder, as an InputError."""
     try:
-        return _next_free(Path(parent) / name) if out is None else _empty(Path(out))
+        yield
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"The folder {out or parent} cannot be used: {reason}.") from None
+        raise InputError(f"The folder {escaped(str(folder))} cannot be used: {reason}.") from None
 
 
-def check_free(out: str | Path | None) -> None:
-    """Raise InputError when `out` is given and in use, before anything is done for it."""
-    if out is not None and Path(out).exists():
-        fresh(out, "")
-
-
-def _empty(folder: Path) -> Path:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"--out {folder} exists and is not an empty folder; choose another.")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+def _inside(name: str) -> Path:
+    """The name of a case as a path that leads down. Raises ValueError when it does not."""
+    path = Path(name)
+    if path.is_absolute() or ".." in path.parts or not path.name:
+        raise ValueError(f"{shown(name)} is no name of a case")
+    return path
 
 
 def _next_free(base: Path) -> Path:
@@ -90,14 +135,14 @@ def _next_free(base: Path) -> Path:
 def read_json(path: Path) -> dict[str, Any]:
     """A JSON object of a file. Raises InputError when it is missing or damaged."""
     try:
-        found = json.loads(path.read_text("utf-8"))
+        found = json.loads(read_bytes(path, MOST_BYTES))
     except FileNotFoundError:
         raise InputError(
             f"{path.parent} holds no {path.name}: no run of liftdrag has ended there."
         ) from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise _damaged(path) from None
     if not isinstance(found, dict):
         raise _damaged(path)

@@ -17,7 +17,7 @@ from liftdrag.analysis.janssen import (
 )
 from liftdrag.analysis.janssen_stop import FillStopping
 from liftdrag.case import Case
-from liftdrag.cost import foresee
+from liftdrag.cost import check_means, foresee
 from liftdrag.deck import Deck, Plan
 from liftdrag.deck.column import contact_of
 from liftdrag.deck.dialect import IN_HOUSE, Dialect
@@ -95,6 +95,7 @@ def run(
         engine.check(ranks)
         check_free(out)
         ranks = world.size if world.size > 1 else ranks
+        check_means(scene_of(case), derive(scene_of(case), ranks), engine, ranks, out)
         found, alarms = _probed(scene_of(case), engine, ignore_probes)
         expected = foresee(scene_of(case), derive(scene_of(case), ranks), engine, ranks)
         progress("compile" if own and is_cold() else "packing", 0, 1)
@@ -176,6 +177,8 @@ def _read(folder: Path, scene: JanssenScene, record: Record) -> tuple[Series, Ja
         series, profiles = engine.series(plan, folder), list(engine.profiles(plan, folder))
         if not profiles or profiles[-1].time < fills[-1].end * (1.0 - 1e-9):
             raise ValueError("the profiles end before the run")
+        if fills[-1].end - series.time[-1] > (plan.row_every - 0.5) * plan.time_step:
+            raise ValueError("the series ends before the run")
         return series, answers(scene, series, profiles, fills)
     except InputError:
         raise

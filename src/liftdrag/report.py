@@ -72,11 +72,13 @@ def table(quantities: Mapping[str, Quantity], width: int) -> Table:
 
 
 def _cells(quantity: Quantity) -> Iterator[str]:
+    from rich.markup import escape
+
     mean, error = rounded(quantity.mean, quantity.standard_error)
     share = abs(quantity.standard_error / quantity.mean) if quantity.mean else float("inf")
     yield mean
     yield f"{error} ({100 * share:.2g} %)" if share < 10 else error
-    yield "" if quantity.unit == "1" else quantity.unit
+    yield "" if quantity.unit == "1" else escape(quantity.unit)
     count = quantity.n_independent
     mark = "" if quantity.converged else " (not converged)"
     yield ("" if count is None else f"{count:.0f}") + mark
@@ -104,9 +106,10 @@ def _shares(budget: Mapping[str, Any]) -> Iterator[str]:
 
 def run_table(found: Studied) -> Table:
     """The runs of a study, and of each the quantities that tell most."""
+    from rich.markup import escape
     from rich.table import Table
 
-    result = Table(title=found.plan.title)
+    result = Table(title=escape(found.plan.title))
     result.add_column("run")
     known = {name for one in found.results.values() for name in one.quantities}
     studied = [name for name in _STUDIED if name in known]
@@ -141,6 +144,7 @@ def _with_error(quantity: Quantity) -> str:
 
 def claim_table(found: Studied) -> Table:
     """What the runs say of each claim."""
+    from rich.markup import escape
     from rich.table import Table
 
     result = Table(title="claims")
@@ -151,7 +155,7 @@ def claim_table(found: Studied) -> Table:
         one, other = finding.packings
         unit = "" if finding.unit == "1" else f" {finding.unit}"
         p = f"{finding.p_value:.2g}"
-        result.add_row(claim.says, size + unit, p, f"{one} + {other}", finding.verdict)
+        result.add_row(escape(claim.says), size + unit, p, f"{one} + {other}", finding.verdict)
     return result
 
 
@@ -251,9 +255,12 @@ def convergence_table(found: Verified) -> Table:
 
 def bench_table(found: Benched) -> Table:
     """The points of a bench: what each took and answered, and how far that is from the case's."""
+    from rich.markup import escape
     from rich.table import Table
 
-    result = Table(title=f"{found.case.name} on {found.stand.engine}: run time against error")
+    result = Table(
+        title=f"{escape(found.case.name)} on {found.stand.engine}: run time against error"
+    )
     for heading in ("axis", "value", "runs", "CPU (s)", "grain-steps/s"):
         result.add_column(heading, overflow="fold")
     for name in found.tolerances:

@@ -9,14 +9,16 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from liftdrag import beds, ensemble, piston
 from liftdrag.analysis.biases import read_biases
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.stopping import Stopping, missed
 from liftdrag.analysis.tank import FORCES, Answers, answers, forces
 from liftdrag.case import Case
-from liftdrag.cost import foresee
-from liftdrag.deck import Deck
+from liftdrag.cost import check_means, foresee
+from liftdrag.deck import Deck, Plan
 from liftdrag.deck.dialect import IN_HOUSE, LAMMPS, Dialect
 from liftdrag.deck.drag2d import check_shape
 from liftdrag.deck.tank import Bed, build, contact_of
@@ -26,12 +28,13 @@ from liftdrag.engines.base import Engine, Enough, Progress, silent
 from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RESULT, Record, check_free, fresh, read_json, write_json
+from liftdrag.folder import RECORD, RESULT, Record, check_free, fresh, read_json, write_json
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result, answered, budgeted
 from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 from liftdrag.series import Series
+from liftdrag.snapshot import Snapshot
 from liftdrag.trust import trusted
 from liftdrag.version import VERSION
 
@@ -138,11 +141,12 @@ def _run_tank(
         chosen.check(ranks)
         check_free(out)
         ranks = world.size if world.size > 1 else ranks
+        kept = beds.kept(scene)
+        planned = derive(scene, ranks, settled=kept == "settled")
+        check_means(scene, planned, chosen, ranks, out, dump)
         names = TANK if world.size > 1 or ranks == 1 else (*TANK, "ranks")
         subject = Subject(contact_of(scene), scene.grains.density)
         found, alarms = trusted(chosen, subject, names, ignore_probes)
-        kept = beds.kept(scene)
-        planned = derive(scene, ranks, settled=kept == "settled")
         expected = foresee(scene, planned, chosen, ranks, packed=kept != "nothing")
         start = beds.find(scene)
         numerics, deck = prepare(case, ranks, dump, chosen.dialect, start.bed)
@@ -194,6 +198,7 @@ def build_deck(
 
     Returns the folder, the numbers with their reasons, and the command that runs it there.
     """
+    check_free(out)
     chosen = engine_for(case, engine, engine_path)
     program = chosen.dialect.program
     if isinstance(case.scene, Drag2DScene):
@@ -224,7 +229,7 @@ def analyze(folder: Path, bench: str | Path | None = None) -> Result:
     status = old.get("status", "unknown")
     if status != "finished":
         raise InputError(f"The run in {folder} did not finish ({status}); run the case again.")
-    case = Case(record.case, record.tables)
+    case = recorded(folder, record)
     if isinstance(case.scene, Drag2DScene):
         found = ensemble.answered(folder, case.scene, record, old)
     elif isinstance(case.scene, JanssenScene):
@@ -234,38 +239,63 @@ def analyze(folder: Path, bench: str | Path | None = None) -> Result:
     return budgeted(found, case, biases)
 
 
+def recorded(folder: Path, record: Record) -> Case:
+    """The case of a folder's record. Raises InputError when it is damaged."""
+    case = Case(record.case, record.tables)
+    try:
+        case.scene  # noqa: B018 - a case that was run is a good one
+    except InputError:
+        raise InputError(f"{folder / RECORD} is damaged; run the case again.") from None
+    return case
+
+
 def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json` and as pictures."""
-    series, found = _read(folder, _tank(case), record)
+    series, found, last = _read(folder, _tank(case), record)
     result = result | _reported(found, record, series)
     result["warnings"] += missed(_tank(case).targets, found.quantities, "drive.distance")
     try:
         series.to_pandas().to_csv(folder / "series.csv")
         write_json(folder / RESULT, result)
-        _draw(folder, _tank(case), record, series, found)
+        pictures.draw_forces(_tank(case), series, found, folder / "forces.png")
+        for snapshot in last:
+            pictures.draw_bed(_tank(case), snapshot, folder / "bed.png")
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *result["warnings"]]
     return Result(folder, result, found.quantities, series, found.window, _FILES)
 
 
-def _draw(folder: Path, scene: TankScene, record: Record, series: Series, found: Answers) -> None:
-    pictures.draw_forces(scene, series, found, folder / "forces.png")
-    for last in deque(engine_called(record.engine).snapshots(record.plan, folder), maxlen=1):
-        pictures.draw_bed(scene, last, folder / "bed.png")
+def _read(
+    folder: Path, scene: TankScene, record: Record
+) -> tuple[Series, Answers, deque[Snapshot]]:
+    """The series, the answers and the last snapshot, if any.
 
-
-def _read(folder: Path, scene: TankScene, record: Record) -> tuple[Series, Answers]:
-    """The series and the answers. Raises InputError when the engine's files are damaged."""
+    Raises InputError when the engine's files are damaged.
+    """
     chosen = engine_called(record.engine)
     try:
         series = chosen.series(record.plan, folder)
-        return series, answers(scene, series, list(chosen.surfaces(record.plan, folder)))
+        surfaces = list(chosen.surfaces(record.plan, folder))
+        _check_complete(series, [time for time, _ in surfaces], record.plan)
+        last = deque(chosen.snapshots(record.plan, folder), maxlen=1)
+        return series, answers(scene, series, surfaces), last
     except InputError:
         raise
     except (OSError, ValueError, LookupError) as error:
         raise InputError(
             f"The files in {folder} are damaged ({error}); run the case again."
         ) from error
+
+
+def _check_complete(series: Series, surfaces: Sequence[float], plan: Plan) -> None:
+    """Raise ValueError where rows, or times of surfaces (s), are missing at the end of a run."""
+    end, row = series.time[-1], plan.row_every * plan.time_step
+    whole = end if plan.stoppable else plan.stages["drive"] * plan.time_step
+    if whole - end > row * (1.0 - 1e-6):
+        raise ValueError(f"the series ends at {end:.6g} s of {whole:.6g} s")
+    between = np.diff(surfaces)
+    if not between.size or np.ptp(between) > 0.5 * row or whole - surfaces[-1] > between[0]:
+        raise ValueError("surfaces are missing")
 
 
 def _reported(found: Answers, record: Record, series: Series) -> dict[str, Any]:

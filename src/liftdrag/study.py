@@ -27,7 +27,8 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case, load, parse, read_text, with_settings
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Progress, silent
-from liftdrag.errors import CaseError, InputError, RunFailed, shown
+from liftdrag.errors import CaseError, InputError, RunFailed, escaped, shown
+from liftdrag.files import is_file
 from liftdrag.folder import RECORD, RESULT, read_json
 from liftdrag.pictures.study import draw_against, draw_bars
 from liftdrag.result import Result
@@ -150,20 +151,21 @@ def packaged() -> Iterator[str]:
 def read(study: str) -> Plan:
     """The study of a path, or a packaged one by its name. Raises InputError."""
     try:
-        return Plan.model_validate(parse(_text(study), f"study {study}"))
+        return Plan.model_validate(parse(_text(study), f"study {escaped(study)}"))
     except ValidationError as error:
         detail = error.errors()[0]
         inner = detail.get("ctx", {}).get("error")
         if isinstance(inner, CaseError):
             raise inner from None
         key = ".".join(map(str, detail["loc"]))
-        raise InputError(f"The study {shown(study)} is wrong at {key}: {detail['msg']}.") from None
+        where = f"{shown(study)} is wrong at {escaped(key[:60])}"
+        raise InputError(f"The study {where}: {detail['msg']}.") from None
 
 
 def _text(study: str) -> str:
     if study in packaged():
         return (resources.files("liftdrag.cases") / f"{study}{ENDING}").read_text("utf-8")
-    if not Path(study).is_file():
+    if not is_file(Path(study)):
         names = ", ".join(sorted(packaged()))
         raise InputError(f"There is no study {shown(study)}; give a file, or one of {names}.")
     return read_text(Path(study), "study")

@@ -15,12 +15,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from liftdrag.errors import InputError
+from liftdrag.errors import InputError, escaped
+from liftdrag.files import read_bytes
 
 if TYPE_CHECKING:
     import pandas as pd
 
+MOST_BYTES = 1_000_000_000
+"""The largest table."""
+
 FORMS = ("auto", "ave-time", "thermo", "print", "csv")
+MOST_DIGITS = 9
+"""Digits of a column's number."""
+
 TIME_NAMES = ("time", "t", "time (s)", "time_s", "time[s]")
 STEP_NAMES = ("step", "timestep")
 DEFAULT_TITLES = ("Fix print output for fix ", "Time-averaged data for fix ")
@@ -121,10 +128,12 @@ def _lines(path: Path) -> list[_Line]:
 
 def _text(path: Path) -> str:
     try:
-        raw = path.read_bytes()
+        raw = read_bytes(path, MOST_BYTES)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise InputError(f"{path}: {reason}; give the path of a readable text table.") from error
+        raise InputError(
+            f"{escaped(str(path))}: {reason}; give the path of a readable text table."
+        ) from error
     if not raw:
         raise InputError(f"{path}: the file is empty; check that the simulation wrote to it.")
     if b"\0" in raw:
@@ -334,16 +343,16 @@ def _position(frame: pd.DataFrame, name: str) -> int:
     prefixed = [i for i, known in enumerate(names) if name == _bare(known) or known == _bare(name)]
     found = exact or prefixed or _numbered(name, len(names))
     if not found:
-        raise InputError(
-            f"no column {name}{_suggestion(name, names)}; take one of {_listed(frame)}."
-        )
+        asked = f"{escaped(name[:60])}{_suggestion(name, names)}"
+        raise InputError(f"no column {asked}; take one of {_listed(frame)}.")
     if len(found) > 1:
         raise InputError(f"column {name} is ambiguous; take by number one of {_listed(frame)}.")
     return found[0]
 
 
 def _numbered(name: str, count: int) -> list[int]:
-    return [int(name) - 1] if name.isdecimal() and 1 <= int(name) <= count else []
+    number = int(name) if name.isdecimal() and len(name) < MOST_DIGITS else 0
+    return [number - 1] if 1 <= number <= count else []
 
 
 def _suggestion(name: str, names: Sequence[str]) -> str:

@@ -9,8 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from liftdrag.errors import InputError
+from liftdrag.files import read_bytes
 
 BENCH = "bench.json"
+
+MOST_BYTES = 10_000_000
+"""The largest of them."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,8 @@ def read_biases(folder: Path) -> Biases:
     """The biases in the folder of a bench. Raises InputError when there are none."""
     path = folder / BENCH
     try:
-        return Biases.from_dict(json.loads(path.read_text("utf-8")))
+        return Biases.from_dict(json.loads(read_bytes(path, MOST_BYTES)))
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; run liftdrag bench.") from None
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         raise InputError(f"{path} is damaged; run liftdrag bench again.") from None

@@ -13,7 +13,7 @@ from liftdrag.analysis.errorbars import average
 from liftdrag.analysis.quantity import Quantity, shortcomings
 from liftdrag.analysis.steady import common_window, steady_window
 from liftdrag.contacts import read_contact_dump
-from liftdrag.errors import InputError, SeriesTooShort
+from liftdrag.errors import InputError, SeriesTooShort, shown
 from liftdrag.series import Series
 from liftdrag.tables import FORMS, column, ordered, read_table
 
@@ -53,22 +53,33 @@ def read_forces(path: Path, form: str, columns: Columns) -> Series:
 
     Raises InputError when the file or an option does not fit.
     """
-    if not isfinite(columns.sign) or columns.sign == 0.0:
-        raise InputError(f"--sign {columns.sign} is not a factor; give 1 or -1.")
+    _check_numbers(columns)
     if form == "contacts":
         return _from_contacts(path, columns)
     if form not in FORMS:
         raise InputError(f"--form {form!r} is unknown; choose one of {', '.join(FORMS)}, contacts.")
     time, table = ordered(read_table(path, form), columns.time, columns.time_step)
-    forces = {name: columns.sign * column(table, getattr(columns, name)) for name in _NAMES}
+    with np.errstate(over="ignore"):
+        forces = {name: columns.sign * column(table, getattr(columns, name)) for name in _NAMES}
+    if not all(np.isfinite(values).all() for values in forces.values()):
+        raise InputError(f"--sign {columns.sign} makes the forces infinite; give 1 or -1.")
     return _series(time, forces, columns.unit)
 
 
 _NAMES = ("drag", "lift")
 
 
+def _check_numbers(columns: Columns) -> None:
+    if not isfinite(columns.sign) or columns.sign == 0.0:
+        raise InputError(f"--sign {columns.sign} is not a factor; give 1 or -1.")
+    if columns.time_step is not None and not 0.0 < columns.time_step < float("inf"):
+        raise InputError(f"--time-step {columns.time_step} is not the length of a step, in s.")
+    if not columns.unit.isprintable() or len(columns.unit) > 40:
+        raise InputError(f"--unit {shown(columns.unit)} is no unit; write N, or N/m.")
+
+
 def _from_contacts(path: Path, columns: Columns) -> Series:
-    if columns.time_step is None or not 0.0 < columns.time_step < float("inf"):
+    if columns.time_step is None:
         raise InputError("A dump counts steps; give the length of a step with --time-step.")
     table = read_contact_dump(path, columns.drag, columns.lift, columns.sign, columns.time_step)
     forces = {name: table[name].to_numpy(float) for name in _NAMES}

@@ -3,5 +3,6 @@
 from liftdrag.cost.estimate import Estimate
 from liftdrag.cost.foresight import foresee
 from liftdrag.cost.machine import cores
+from liftdrag.cost.means import check_means
 
-__all__ = ["Estimate", "cores", "foresee"]
+__all__ = ["Estimate", "check_means", "cores", "foresee"]

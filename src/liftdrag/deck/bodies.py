@@ -49,7 +49,7 @@ class Steps:
 def build(contact: Contact, bodies: Bodies, steps: Steps, dialect: Dialect) -> Deck:
     """The deck in which the bodies move. Raises CaseError when the dialect cannot say the law."""
     text = render(f"{dialect.folder}/bodies.in.j2", _context(contact, bodies, steps, dialect))
-    check_commands(text)
+    check_commands(text, "in.bodies")
     plan = Plan("in.bodies", steps.ranks, steps.time_step, {"motion": steps.count}, steps.every, {})
     return Deck({"in.bodies": text, "bodies.data": _data_file(contact, bodies, steps)}, plan)
 

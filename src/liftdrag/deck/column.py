@@ -63,7 +63,7 @@ def build(
         "ranks": ranks,
     }
     text = render(f"{dialect.folder}/janssen.in.j2", context)
-    check_commands(text)
+    check_commands(text, START)
     texts = {START: text, "column.data": _data_file(scene, numerics, column)}
     if scene.stop and dialect is LIGGGHTS:
         numbers = range(1, len(numerics.levels) + 1)

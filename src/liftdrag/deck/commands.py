@@ -1,29 +1,24 @@
-"""The engine commands that a deck may hold, so that no text of a case ever runs a program."""
+"""The engine commands that a deck may hold, so that no text of a case ever runs a program.
+
+Each deck has a list of its own: commands, their styles, the files that it reads and writes, and
+where it may jump to. What is not on the list is refused, harmless or not.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-ALLOWED = frozenset(
-    """atom_modify atom_style boundary comm_modify communicate compute dimension displace_atoms
-    dump dump_modify fix group hard_particles if label neigh_modify neighbor newton pair_coeff
-    pair_style print processors read_data region reset_timestep run soft_particles thermo
-    thermo_modify thermo_style timestep unfix units variable velocity write_dump""".split()
+ANY = frozenset(
+    """atom_modify atom_style boundary comm_modify communicate compute dump dump_modify fix group
+    hard_particles neigh_modify neighbor newton pair_coeff pair_style print processors read_data
+    region run soft_particles thermo thermo_modify thermo_style timestep units variable""".split()
 )
-"""The only engine commands a deck may hold: none that runs programs or includes other decks."""
-
-PIECES = frozenset({("include", "stop.lmp"), ("next", "piece"), ("jump", "SELF", "drive")})
-"""Whole commands of a run in pieces, after each of which a file of liftdrag's may end it."""
-
-FILL_PIECES = re.compile(r"include stop-[0-9]+\.lmp|next piece_[0-9]+|jump SELF average_[0-9]+")
-"""The same of an average in pieces, one for each fill of a column."""
-
-ALLOWED_IN_IF = frozenset({"print", "quit", "jump"})
-"""The only commands that an `if` of a deck may run."""
+"""The commands of every deck: none that runs programs or includes other decks."""
 
 STYLES = {
-    "variable": (2, {"atom", "index", "equal", "loop"}),
+    "atom_style": (1, {"sphere", "hybrid"}),
     "compute": (
         3,
         {"chunk/atom", "ke", "property/atom", "reduce", "reduce/region", "stress/atom"},
@@ -38,44 +33,119 @@ STYLES = {
             wall/gran/region""".split()
         ),
     ),
+    "pair_style": (1, {"gran", "gran/hertz/history", "granular"}),
+    "region": (2, {"block", "cylinder"}),
+    "variable": (2, {"atom", "equal", "index", "loop"}),
+    "velocity": (2, {"set"}),
+    "write_dump": (2, {"custom"}),
 }
 """Commands that have styles: the place of the style's word, and the styles allowed."""
 
+FILE_AT = {"dump": 5, "read_data": 1, "write_dump": 3}
+"""Commands that name a file, and the place of its word; others name theirs after a FILE_WORD."""
 
-def check_commands(text: str) -> None:
-    """Raise ValueError when a line holds a command or a form of one that is not allowed."""
-    for line in text.splitlines():
-        command = line.split("#")[0].strip()
-        _check(command, ALLOWED)
-        if command.startswith("if "):
-            for part in _consequences(command):
-                _check(part, ALLOWED_IN_IF)
+FILE_WORDS = frozenset({"append", "file", "infile", "outfile"})
+
+SHAPES = {
+    "label": re.compile(r"label [a-z_0-9]+"),
+    "print": re.compile(r"print (\"[^\"]*\"|'[^']*')"),
+    "processors": re.compile(r"processors( [1-9*][0-9]*){3}"),
+    "quit": re.compile(r"quit( 1)?"),
+    "run": re.compile(r"run \S+( pre no post no)?"),
+}
+"""Commands of which only this form is allowed, whole."""
+
+IN_IF = frozenset({"print", "quit", "jump"})
+"""The commands that an `if` may run."""
 
 
-def _check(command: str, allowed: frozenset[str]) -> None:
-    words = command.split()
-    if tuple(words) in PIECES or FILL_PIECES.fullmatch(" ".join(words)):
+@dataclass(frozen=True)
+class Rules:
+    """What a deck may hold beside ANY: commands, the names of its files, and whole commands."""
+
+    commands: frozenset[str]
+    files: frozenset[str]
+    whole: re.Pattern[str]
+
+
+def _rules(commands: str, files: str, whole: str = r"\0") -> Rules:
+    return Rules(ANY | set(commands.split()), frozenset(files.split()), re.compile(whole))
+
+
+DECKS = {
+    "in.tank": _rules(
+        "if label reset_timestep unfix velocity write_dump",
+        "bed.dat forces.dat grains.data settled.dump snapshots.dump surface.dump trajectory.dump",
+        r"include stop\.lmp|next piece|jump SELF (settling|drive|driven)",
+    ),
+    "in.janssen": _rules(
+        "displace_atoms if label unfix velocity",
+        "column.data forces.dat profile.dat",
+        r"include stop-\d+\.lmp|next piece_\d+|jump SELF averaged?_\d+",
+    ),
+    "in.drag2d": _rules("dimension", "clumps.data forces.dat grains.data snapshots.dump"),
+    "in.bodies": _rules("", "bodies.data motion.dump"),
+}
+"""The decks by their names. A run in pieces ends after one where a file of liftdrag's says so."""
+
+_WORD = r"\"[^\"]*\"|'[^']*'|[^\s\"']+"
+_LINE = re.compile(rf"\s*(?:(?:{_WORD})(?:\s+|$))*")
+_VALUE = re.compile(r"\$(?!\{[a-z_0-9]+\}|\(step\))")
+_NO_NUMBER = re.compile(r"[-+]?(nan|inf)")
+
+
+def check_commands(text: str, deck: str) -> None:
+    """Raise ValueError when a line of the deck of this name holds what is not allowed there."""
+    for line in text.split("\n"):
+        if not line.isascii() or not line.isprintable() or '"""' in line or line.endswith("&"):
+            raise _refusal(line)
+        _check(line.split("#")[0], DECKS[deck])
+
+
+def _check(command: str, rules: Rules) -> None:
+    if not _LINE.fullmatch(command) or _VALUE.search(command):
+        raise _refusal(command)
+    words = re.findall(_WORD, command)
+    if not words or rules.whole.fullmatch(" ".join(words)):
         return
-    if words and (words[0] not in allowed or not _harmless(words)):
-        raise ValueError(f"the deck would run {command[:60]!r}, which is not allowed")
+    if words[0] not in rules.commands or not _is_formed(words) or not _is_at_home(words, rules):
+        raise _refusal(command)
+    if words[0] == "if":
+        for part in _consequences(words):
+            if part.split(" ")[0] not in IN_IF:
+                raise _refusal(part)
+            _check(part, Rules(rules.commands | {"quit"}, rules.files, rules.whole))
 
 
-def _consequences(command: str) -> Iterator[str]:
-    """The commands that an `if` would run."""
-    quoted = re.split(r"\sthen\s", command, maxsplit=1)[-1]
-    for match in re.finditer(r"\"([^\"]*)\"|'([^']*)'|(\S+)", quoted):
-        yield next(part for part in match.groups() if part is not None)
+def _refusal(command: str) -> ValueError:
+    return ValueError(f"the deck would run {command.strip()[:60]!r}, which is not allowed")
 
 
-def _harmless(words: list[str]) -> bool:
-    """Whether a command is of the forms that the templates use, and stays in its folder."""
-    if any(word.startswith(("/", "~", "..")) for word in words):
+def _consequences(words: Sequence[str]) -> Iterator[str]:
+    """The commands that an `if` would run, without their quotes."""
+    if len(words) < 4 or words[2] != "then":
+        raise _refusal(" ".join(words))
+    for word in words[3:]:
+        yield word[1:-1] if word[0] in "\"'" else word
+
+
+def _is_formed(words: Sequence[str]) -> bool:
+    """Whether a command is of the style and the form that the templates use, of finite numbers."""
+    place, styles = STYLES.get(words[0], (0, {words[0]}))
+    if len(words) <= place or words[place] not in styles:
         return False
-    if words[0] in STYLES:
-        place, styles = STYLES[words[0]]
-        return len(words) > place and words[place] in styles
-    if words[0] == "run":
-        return len(words) == 2 or words[2:] == ["pre", "no", "post", "no"]
-    if words[0] == "jump":
-        return words[1:2] == ["SELF"]
-    return words[0] != "print" or not {"file", "append"} & set(words)
+    if any(_NO_NUMBER.fullmatch(word) for word in words):
+        return False
+    return words[0] not in SHAPES or bool(SHAPES[words[0]].fullmatch(" ".join(words)))
+
+
+def _is_at_home(words: Sequence[str], rules: Rules) -> bool:
+    """Whether a command reads and writes no files but the deck's."""
+    places = [k + 1 for k, word in enumerate(words) if _bare(word) in FILE_WORDS]
+    if words[0] in FILE_AT:
+        places.append(FILE_AT[words[0]])
+    return all(place < len(words) and words[place] in rules.files for place in places)
+
+
+def _bare(word: str) -> str:
+    return word.strip("\"'")

@@ -92,7 +92,7 @@ def build(
         "version": version,
     }
     text = render(f"{dialect.folder}/drag2d.in.j2", context)
-    check_commands(text)
+    check_commands(text, "in.drag2d")
     texts = {"in.drag2d": text, "grains.data": _data_file(bed, steps, dialect)}
     if bed.clumped:
         texts["clumps.data"] = _clump_file(bed, dialect)

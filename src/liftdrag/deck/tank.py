@@ -72,7 +72,7 @@ def build(
     }
     if scene.stop and dialect is LIGGGHTS:
         texts["stop.lmp"] = "variable good_enough equal 0\n"
-    check_commands(texts["in.tank"])
+    check_commands(texts["in.tank"], "in.tank")
     return Deck(texts, _plan(scene, numerics, ranks))
 
 

@@ -12,9 +12,11 @@ from liftdrag.deck import Plan
 from liftdrag.engines.fills import as_they_were, early, ends_in
 from liftdrag.engines.stopper import PRECISION, STOP, stop_files
 from liftdrag.errors import InputError
-from liftdrag.tables import read_table
+from liftdrag.tables import column, read_table
 
-LOOP = re.compile(r"Loop time of (\S+) on \d+ procs for (\d+) steps with (\d+) atoms")
+LOOP = re.compile(
+    r"Loop time of (\d+(?:\.\d+)?(?:e[-+]?\d+)?) on \d+ procs for (\d+) steps with (\d+) atoms"
+)
 _GRID = re.compile(r"^\s*(\d+) by (\d+) by (\d+) MPI processor grid", re.MULTILINE)
 _SIGNAL = re.compile(
     r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$|exited on signal (9|15) ", re.MULTILINE
@@ -107,11 +109,13 @@ def _judge_series(plan: Plan, folder: Path, last: int) -> tuple[str, str]:
     for name, channels in plan.series.items():
         try:
             table = read_table(folder / name, "ave-time")
+            end = column(table, "TimeStep").max()
         except InputError as error:
             return "engine_error", str(error)
-        if last - table["TimeStep"].max() >= plan.row_every:
-            return "engine_error", f"{name} ends at step {table['TimeStep'].max():.0f}"
-        if not np.isfinite(table[[f"v_{channel}" for channel in channels]].to_numpy()).all():
+        if last - end >= plan.row_every:
+            return "engine_error", f"{name} ends at step {end:.0f}"
+        found = table.reindex(columns=[f"v_{channel}" for channel in channels])
+        if not np.isfinite(found.to_numpy()).all():
             return "not_finite", f"{name} holds values that are not finite numbers"
     return "finished", ""
 

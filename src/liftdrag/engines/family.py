@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -20,10 +21,14 @@ from liftdrag.engines.log import LogTail
 from liftdrag.engines.profiles import read_profiles
 from liftdrag.engines.stopper import Stopper
 from liftdrag.errors import RunFailed
+from liftdrag.files import check_ordinary
 from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 from liftdrag.tables import column, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAYS = "engine.out"
 _STAGE = re.compile(r"LIFTDRAG STAGE (\w+) (\d+)")
@@ -151,11 +156,14 @@ class Family(ABC):
         )
 
     def series(self, plan: Plan, folder: Path) -> Series:
-        """The series of `fix ave/time`, time zero where the drive starts."""
+        """The series of `fix ave/time`, time zero where the drive starts.
+
+        Raises ValueError or InputError when a file is damaged.
+        """
         import pandas as pd
 
-        files = [read_table(folder / name, "ave-time") for name in plan.series]
-        table = pd.concat([file.set_index("TimeStep") for file in files], axis=1, join="inner")
+        files = [_rows(folder / name, plan.row_every) for name in plan.series]
+        table = pd.concat(files, axis=1, join="inner")
         units = {name: unit for file in plan.series.values() for name, unit in file.items()}
         channels = {name: column(table, f"v_{name}") for name in units}
         return Series(table.index.to_numpy(float) * plan.time_step, channels, units)
@@ -178,16 +186,51 @@ class Family(ABC):
 
 
 def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
-    """The complete frames of a text dump: the step, and the rows (n, columns)."""
+    """The complete frames of a text dump: the step, and the rows (n, columns).
+
+    A line counts once its newline is on disk. Raises ValueError where a frame is damaged, or
+    comes before the last one.
+    """
     if not path.exists():
         return
+    check_ordinary(path)
+    last = -1
     with path.open() as file:
-        while (header := [file.readline() for _ in range(9)])[-1].startswith("ITEM: ATOMS"):
-            step, count, width = int(header[1]), int(header[3]), len(header[8].split()) - 2
-            rows = np.fromfile(file, sep=" ", count=count * width)
-            if rows.size < count * width:
+        lines = (line for line in file if line.endswith("\n"))
+        while len(header := list(islice(lines, 9))) == 9:
+            step, count, width = _frame(header, path)
+            rows = list(islice(lines, count))
+            if len(rows) < count:
                 return
-            yield step, rows.reshape(count, width)
+            if step <= last:
+                raise ValueError(f"{path}: step {step} comes after step {last}")
+            last = step
+            yield step, _table(rows, width, path)
+
+
+def _frame(header: Sequence[str], path: Path) -> tuple[int, int, int]:
+    """The step, the rows and the columns that the nine lines above a frame name."""
+    step, count = header[1].strip(), header[3].strip()
+    if not header[8].startswith("ITEM: ATOMS") or not (step.isdecimal() and count.isdecimal()):
+        raise ValueError(f"{path}: no head of a frame at {header[0].strip()[:60]!r}")
+    return int(step), int(count), len(header[8].split()) - 2
+
+
+def _table(rows: Sequence[str], width: int, path: Path) -> np.ndarray:
+    """Rows of `width` finite numbers, (n, width)."""
+    values = np.loadtxt(rows, comments=None, ndmin=2) if rows else np.zeros((0, width))
+    if values.shape[1] != width or not np.isfinite(values).all():
+        raise ValueError(f"{path}: not rows of {width} numbers near {rows[0].strip()[:60]!r}")
+    return values
+
+
+def _rows(path: Path, every: int) -> pd.DataFrame:
+    """A table of `fix ave/time` by steps, a row each `every` steps. Raises ValueError."""
+    table = read_table(path, "ave-time")
+    steps = column(table, "TimeStep")
+    if np.any(np.diff(steps) != every):
+        raise ValueError(f"{path}: its rows are not {every} steps apart")
+    return table.set_index("TimeStep")
 
 
 def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:

@@ -13,6 +13,7 @@ from typing import TextIO
 
 import numpy as np
 
+from liftdrag.files import check_ordinary
 from liftdrag.profile import Profile
 
 SUMS = {
@@ -32,12 +33,17 @@ _HEIGHT, _COUNT = 1, 2
 def read_profiles(path: Path, time_step: float) -> Iterator[Profile]:
     """The complete blocks of a file; none when it does not exist. A step takes `time_step` (s).
 
-    Raises ValueError when a block before the last line is damaged.
+    Raises ValueError when a block before the last line is damaged, or comes before the last one.
     """
     if not path.exists():
         return
+    check_ordinary(path)
+    last = -1
     with path.open() as file:
         for step, names, rows in _blocks(file, path):
+            if step <= last:
+                raise ValueError(f"{path}: step {step} comes after step {last}")
+            last = step
             yield _profile(step * time_step, names, _table(rows, len(names), path))
 
 
@@ -72,11 +78,14 @@ def _check_names(names: Sequence[str], path: Path) -> None:
 
 def _table(rows: Sequence[str], width: int, path: Path) -> np.ndarray:
     try:
-        return np.array([row.split() for row in rows], float).reshape(len(rows), width)
+        table = np.array([row.split() for row in rows], float).reshape(len(rows), width)
+        if np.isfinite(table).all():
+            return table
     except ValueError:
-        raise ValueError(
-            f"{path}: a block near {rows[0].strip()[:60]!r} has no rows of {width} numbers."
-        ) from None
+        pass
+    raise ValueError(
+        f"{path}: a block near {rows[0].strip()[:60]!r} has no rows of {width} numbers."
+    )
 
 
 def _profile(time: float, names: Sequence[str], table: np.ndarray) -> Profile:

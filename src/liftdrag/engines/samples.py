@@ -41,6 +41,9 @@ def write_samples(file: Path, channels: Iterable[str], interval: float, rows: np
 
 
 def read_samples(file: Path, channels: Mapping[str, str]) -> Series:
-    """The series of these channels with their units."""
+    """The series of these channels with their units. Raises ValueError when rows are missing."""
     table = read_table(file, "csv")
-    return Series(column(table, "time"), {name: column(table, name) for name in channels}, channels)
+    time = column(table, "time")
+    if not np.allclose(time, time[0] * np.arange(1, len(time) + 1), rtol=1e-6):
+        raise ValueError(f"{file}: its rows are not {time[0]:.6g} s apart")
+    return Series(time, {name: column(table, name) for name in channels}, channels)

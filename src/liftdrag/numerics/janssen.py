@@ -27,6 +27,10 @@ OVERLAP_BOUND = 1e-3
 DEEPEST = 0.2
 """The same at which a grain is no grain any more."""
 
+MOST_BINS = 1e7
+
+BINS_PER_GRAIN = 100.0
+
 MOST_GROWTH = 12.0
 """Exponent of Janssen's growth, upward, that is still computed."""
 
@@ -132,6 +136,7 @@ class JanssenNumerics(Numerics):
 
 def derive(scene: JanssenScene, ranks: int = 1) -> JanssenNumerics:
     """The numerics of `scene` on `ranks` processes. Raises CaseError when they cannot be."""
+    _check_emptiness(scene)
     stress = _largest_stress(scene)
     stiffness = _stiffness(scene, stress.value)
     overlap = _overlap_ratio(scene, stress.value, stiffness.value)
@@ -185,6 +190,20 @@ def _largest_stress(scene: JanssenScene) -> Value[float]:
     _check_growth(scene, -beta * depth)
     bottom = granular.janssen_stress(depth, weight, beta, top)
     return Value(max(top, bottom), "Pa", f"Janssen's, at K = {ratio} and the last fill")
+
+
+def _check_emptiness(scene: JanssenScene) -> None:
+    """An engine sorts grains into bins of half a grain; a huge, mostly empty box stalls it."""
+    across = 2.0 * scene.tube.diameter / scene.grains.diameter
+    bins = across**2 * 2.0 * _highest(scene) / scene.grains.diameter
+    if bins > MOST_BINS + BINS_PER_GRAIN * scene.grain_count:
+        raise CaseError(
+            "tube.diameter",
+            scene.tube.diameter,
+            f"{scene.grain_count} grains in a tube so wide are mostly empty space, of {bins:.2g} "
+            "bins of half a grain",
+            "make the tube narrower, or fill in more",
+        )
 
 
 def _check_growth(scene: JanssenScene, exponent: float) -> None:

@@ -46,7 +46,7 @@ def draw_precision(
         place.set_ylabel(f"error of {quantity}: statistics and bias, relative")
         place.grid(which="both", color="0.92")
     figure.axes[0].legend(fontsize="x-small")
-    figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
+    figure.suptitle(title, x=0.01, ha="left", fontsize="medium", parse_math=False)
     figure.savefig(path, dpi=150)
 
 

@@ -34,7 +34,7 @@ def draw_bars(
     axes.set_xticks(ticks, names)
     unit = quantities[names[0]].unit
     axes.set_ylabel(name if unit == "1" else f"{name} ({unit})")
-    axes.set_title(title, loc="left", fontsize="medium")
+    axes.set_title(title, loc="left", fontsize="medium", parse_math=False)
     figure.savefig(path, dpi=150)
 
 
@@ -65,5 +65,5 @@ def draw_against(
     axes.set_xlabel(key)
     axes.set_ylabel(name if unit == "1" else f"{name} ({unit})")
     axes.set_ylim(bottom=0.0)
-    axes.set_title(title, loc="left", fontsize="medium")
+    axes.set_title(title, loc="left", fontsize="medium", parse_math=False)
     figure.savefig(path, dpi=150)

@@ -1,0 +1,61 @@
+"""The bytes that a run writes, from its plan, and what the disk has left for them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from liftdrag.numerics import Drag2DNumerics, JanssenNumerics, Numerics, TankNumerics
+from liftdrag.scene import Drag2DScene, Scene, TankScene
+
+REST = 2e6
+"""Bytes of the pictures, the log and the records."""
+
+DECK = 210.0
+"""Bytes of a grain in the files that it starts from, and where it settled."""
+
+FRAME = 90.0
+"""Bytes of a grain in a picture or the trajectory of the bed."""
+
+HEIGHT = 12.0
+"""Bytes of a grain of the surface."""
+
+ROW = 260.0
+"""Bytes of a row of the series, in the engine's files and in liftdrag's."""
+
+SLICE = 120.0
+"""Bytes of a slice of a column's profiles."""
+
+
+def needed(scene: Scene, numerics: Numerics, dump: bool = False) -> float:
+    """Bytes, roughly, at the most."""
+    if isinstance(numerics, TankNumerics) and isinstance(scene, TankScene):
+        return REST + _tank(scene, numerics, dump)
+    if isinstance(numerics, Drag2DNumerics) and isinstance(scene, Drag2DScene):
+        steps, grains = numerics.drive_steps.value, scene.grains.count
+        frames = steps / numerics.frame_every.value + 2.0
+        bed = grains * (2.0 * DECK + FRAME * frames) + ROW * steps / numerics.row_every.value
+        return REST + scene.ensemble.runs * bed
+    assert isinstance(numerics, JanssenNumerics)
+    levels = numerics.levels
+    rows = levels[-1].end / numerics.row_every.value
+    slices = numerics.bins.value * levels[-1].end / numerics.block_every.value
+    return REST + DECK * levels[-1].count + ROW * rows + SLICE * slices
+
+
+def _tank(scene: TankScene, numerics: TankNumerics, dump: bool) -> float:
+    steps, left, right = numerics.drive_steps.value, *scene.far_field
+    frames = steps / numerics.snapshot_every.value + 2.0
+    if dump:
+        frames += steps / numerics.trajectory_every.value
+    far = (right - left) / scene.tank.length * steps / numerics.surface_every.value
+    grains = numerics.grain_steps.value / (numerics.settle_steps.value + steps)
+    return grains * (DECK + FRAME * frames + HEIGHT * far) + ROW * steps / numerics.row_every.value
+
+
+def free(place: Path) -> int:
+    """Bytes left on the disk of a folder, or of the nearest above it that exists."""
+    folder = place.absolute()
+    while not folder.exists():
+        folder = folder.parent
+    return shutil.disk_usage(folder).free
