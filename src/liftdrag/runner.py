@@ -11,6 +11,7 @@ from typing import Any
 
 from liftdrag import beds, ensemble, piston
 from liftdrag.analysis.biases import read_biases
+from liftdrag.analysis.invariants import check_sound, tank_invariants, watched
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.stopping import Stopping, missed
 from liftdrag.analysis.tank import FORCES, Answers, answers, forces
@@ -239,12 +240,15 @@ def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) 
     series, found = _read(folder, _tank(case), record)
     result = result | _reported(found, record, series)
     result["warnings"] += missed(_tank(case).targets, found.quantities, "drive.distance")
+    beds = engine_called(record.engine).snapshots(record.plan, folder)
+    result = watched(result, tank_invariants(_tank(case), series, beds))
     try:
         series.to_pandas().to_csv(folder / "series.csv")
         write_json(folder / RESULT, result)
         _draw(folder, _tank(case), record, series, found)
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *result["warnings"]]
+    check_sound(result)
     return Result(folder, result, found.quantities, series, found.window, _FILES)
 
 
