@@ -184,13 +184,22 @@ def _impulse(scene: TankScene, snapshot: Snapshot) -> np.ndarray:
 def plane_invariants(
     scene: Drag2DScene, packings: Sequence[Series], deepest: float
 ) -> dict[str, Invariant]:
-    """Overlap, `deepest` over the smaller radius, and where the engine samples it the energy."""
+    """Overlap, `deepest` over the smaller radius; energies where the engine samples them."""
     found = {OVERLAP: Invariant(deepest / 2.0, bounds_of(scene).overlap, "d")}
     if all("elastic" in series.channels for series in packings):
         found["energy_created"] = max(
             (_energy(scene, series) for series in packings), key=lambda one: one.value / one.bound
         )
+        speeds = [_speed_in_plane(scene, series) for series in packings]
+        found["agitation"] = Invariant(max(speeds), bounds_of(scene).agitation, "m/s")
     return found
+
+
+def _speed_in_plane(scene: Drag2DScene, series: Series) -> float:
+    """Root mean square speed (m/s) of the grains while the drag is averaged."""
+    window = series.time * scene.drive.speed > scene.drive.average_from
+    mass = scene.grains.density * scene.grains.area * scene.box.thickness
+    return sqrt(2.0 * float(series["kinetic"][window].mean()) / mass)
 
 
 def _energy(scene: Drag2DScene, series: Series) -> Invariant:

@@ -54,7 +54,7 @@ def draw_map(
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 1.0 + 1.5 * len(axes)), layout="constrained")
+    figure = Figure(figsize=(9.0, 1.0 + 1.5 * len(axes)), layout="constrained")
     places = figure.subplots(len(axes), 1, squeeze=False)[:, 0]
     for place, (name, dots) in zip(places, axes.items(), strict=True):
         _draw_axis(place, name, dots)
@@ -82,8 +82,10 @@ def _draw_axis(place: Axes, name: str, dots: Sequence[Dot]) -> None:
             )
     if name in LOGARITHMIC:
         place.set_xscale("log")
+    else:
+        place.set_xticks([dot.at for dot in dots])
     place.axhline(1.0, color="0.7", linewidth=0.8)
-    place.set(ylim=(-0.35, 1.5), yticks=[0.0, 1.0], ylabel="overlap\nover bound")
+    place.set(ylim=(-0.45, 1.75), yticks=[0.0, 1.0], ylabel="overlap\nover bound")
     place.set_xlabel(name.replace("_", " "), fontsize="small")
     place.grid(axis="x", which="both", color="0.92")
 
@@ -91,7 +93,7 @@ def _draw_axis(place: Axes, name: str, dots: Sequence[Dot]) -> None:
 def _draw_steps(place: Axes, steps: Mapping[str, float]) -> None:
     for name, share in steps.items():
         place.axvline(share, color="0.4", linestyle=":", linewidth=1.0)
-        place.annotate(name, (share, 1.25), fontsize="xx-small", rotation=90, ha="right")
+        place.annotate(name, (share, 1.7), fontsize="xx-small", rotation=90, ha="right", va="top")
 
 
 def _legend(place: Axes, causes: set[str]) -> None:

@@ -6,12 +6,16 @@ from collections.abc import Iterator, Sequence
 
 from liftdrag.bench.axes import Axis, Setting
 from liftdrag.case import Case
+from liftdrag.errors import InputError
 from liftdrag.numerics import derive
 from liftdrag.numerics.bounds import Bounds, bounds_of
 from liftdrag.scene import JanssenScene, Scene
 
 STEPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
 """Time steps over the scale that the scene's own step is a share of."""
+
+SAME = 0.05
+"""Relative difference of two steps that are the same."""
 
 STIFFNESSES = (0.1, 0.32, 3.2, 10.0)
 RESTITUTIONS = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
@@ -32,7 +36,7 @@ def axes_of(case: Case) -> tuple[Axis, ...]:
 
 def _axes(case: Case, bounds: Bounds) -> Iterator[Axis]:
     scene = case.scene
-    steps = tuple(_step(share, bounds.scale) for share in STEPS)
+    steps = tuple(_steps(case, bounds))
     own = bounds.own * bounds.scale
     yield Axis("time_step", "numerics.time_step", own, steps, "least", f"of {bounds.name}")
     key, stiffness = _stiffness(scene)
@@ -51,9 +55,23 @@ def _stiffness(scene: Scene) -> tuple[str, float]:
     return f"grains.{key}", derive(scene).stiffness.value
 
 
-def _step(share: float, scale: float) -> Setting:
-    value = float(f"{share * scale * (1.0 - 1e-6):.6g}")
-    return Setting(f"{share:g}", value, {"numerics.time_step": value})
+def _steps(case: Case, bounds: Bounds) -> Iterator[Setting]:
+    """The steps, each where it is after rounding to whole rows; those that come out alike once."""
+    seen = [bounds.own * bounds.scale]
+    for share in STEPS:
+        value = float(f"{share * bounds.scale * (1.0 - 1e-6):.6g}")
+        at = _rounded(case.set("numerics.time_step", value), value)
+        if all(abs(at / other - 1.0) > SAME for other in seen):
+            seen.append(at)
+            yield Setting(f"{at / bounds.scale:.2g}", at, {"numerics.time_step": value})
+
+
+def _rounded(case: Case, asked: float) -> float:
+    """The step (s) that a case runs at; the one `asked` for where that is refused."""
+    try:
+        return derive(case.scene).time_step.value
+    except InputError:
+        return asked
 
 
 def _scaled(name: str, key: str, own: float, factors: Sequence[float]) -> Axis:

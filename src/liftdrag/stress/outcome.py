@@ -8,11 +8,12 @@ from typing import Any
 
 from liftdrag.analysis.precision import Deviation
 from liftdrag.bench.judged import CASE, Key, judge
+from liftdrag.bench.recommendation import NEGLIGIBLE
 from liftdrag.bench.runs import Run
 from liftdrag.stress.axes import SEEDS, UNCHANGED
 
-CLEAR = 3.0
-"""Combined errors beyond which an answer is another."""
+CLEAR = 4.0
+"""Combined errors beyond which an answer is another; they are those of few and short runs."""
 
 HEATED = 2.0
 """Energy of agitation over that of the case beyond which the step feeds it."""
@@ -70,16 +71,26 @@ class Outcome:
         return bool(self.causes) and REFUSED not in self.causes
 
 
-def outcomes(tried: Sequence[Tried], quantities: Sequence[str]) -> list[Outcome]:
-    """What became of each run, against those of the case itself."""
+def outcomes(tried: Sequence[Tried], tolerances: Mapping[str, float]) -> list[Outcome]:
+    """What became of each run, against those of the case itself; relative errors are tolerated."""
     runs = [one.run for one in tried]
-    judged = {name: judge(runs, name) for name in quantities}
+    judged = {name: judge(runs, name) for name in tolerances}
     deviations = {
         key: {name: found[key].deviation for name, found in judged.items() if key in found}
         for key in {run.key for run in runs}
     }
     energy = _own_energy(tried)
-    return [_outcome(one, deviations[one.run.key], energy) for one in tried]
+    shifted = {
+        key
+        for key, mine in deviations.items()
+        if any(_is_shifted(one, tolerances[name]) for name, one in mine.items())
+    }
+    return [_outcome(one, deviations[one.run.key], energy, one.run.key in shifted) for one in tried]
+
+
+def _is_shifted(deviation: Deviation, tolerated: float) -> bool:
+    size = abs(deviation.relative)
+    return size > CLEAR * deviation.standard_error and size > NEGLIGIBLE * tolerated
 
 
 def _own_energy(tried: Sequence[Tried]) -> float | None:
@@ -88,16 +99,16 @@ def _own_energy(tried: Sequence[Tried]) -> float | None:
     return sum(own) / len(own) if own else None
 
 
-def _outcome(one: Tried, deviations: Mapping[str, Deviation], energy: float | None) -> Outcome:
+def _outcome(
+    one: Tried, deviations: Mapping[str, Deviation], energy: float | None, shifted: bool
+) -> Outcome:
     heating = one.agitation**2 / energy if one.agitation is not None and energy else None
-    found = set(_causes(one, deviations, heating))
+    found = set(_causes(one, heating, shifted))
     causes = tuple(cause for cause in (*CAUSES, REFUSED) if cause in found)
     return Outcome(one, causes, heating, deviations)
 
 
-def _causes(
-    one: Tried, deviations: Mapping[str, Deviation], heating: float | None
-) -> Iterator[str]:
+def _causes(one: Tried, heating: float | None, shifted: bool) -> Iterator[str]:
     run = one.run
     if cause := _BY_STATUS.get(run.status, "energy" if _UNSETTLED in run.reason else "failed"):
         yield cause
@@ -108,7 +119,7 @@ def _causes(
         return
     if heating is not None and heating > HEATED:
         yield "energy"
-    if any(abs(d.relative) > CLEAR * d.standard_error for d in deviations.values()):
+    if shifted:
         yield "answer"
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from liftdrag.bench.axes import Axis
-from liftdrag.bench.judged import CASE, Key
+from liftdrag.bench.judged import CASE, Key, tolerances
 from liftdrag.bench.runs import Run, Stand
 from liftdrag.case import Case
 from liftdrag.numerics.bounds import Bounds, bounds_of
@@ -70,7 +70,7 @@ class Stressed:
             for key, why in self.refused.items()
             if key[0] in asked
         ]
-        found = [*outcomes(self.tried, self.stand.judged), *refused]
+        found = [*outcomes(self.tried, tolerances(self.short.scene)), *refused]
         return sorted(found, key=lambda one: _place(one.tried.run, known))
 
     @property
@@ -148,7 +148,7 @@ class Stressed:
 
 
 def _place(run: Run, known: Sequence[Key]) -> tuple[int, int]:
-    return (known.index(run.key) if run.key in known else -1), run.replica
+    return (known.index(run.key) if run.key in known else len(known)), run.replica
 
 
 def _invariant_columns(tried: Tried) -> Iterator[tuple[str, float]]:
