@@ -35,12 +35,12 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.bench import bench, runs, seconds
 from liftdrag.bench.axes import Axis, Setting, axes_of
 from liftdrag.bench.block import block
-from liftdrag.bench.harness import spent
 from liftdrag.bench.judged import CASE, best, biases, judge
 from liftdrag.bench.points import Point, Task, points_of, reference
 from liftdrag.bench.recommendation import advise
 from liftdrag.bench.runs import Run
 from liftdrag.bench.schedule import State, left_out, next_task
+from liftdrag.bench.working import spent
 from liftdrag.case import Case, load
 from liftdrag.cli import app
 from liftdrag.engines.process import start, watch

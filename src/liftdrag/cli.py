@@ -270,6 +270,51 @@ def bench(
 
 
 @app.command()
+def stress(
+    case: CaseName,
+    engine: CaseEngine = None,
+    engine_path: EnginePath = None,
+    budget: Annotated[
+        str, typer.Option(help="Time on the clock: 90s, 10m or 2h. The same command goes on.")
+    ] = "10m",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the map; by default runs/stress/CASE.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Runs at a time, each on one core; by default one a core.")
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Only these choices: time_step,seeds. Default: all."),
+    ] = None,
+    settings: Settings = None,
+    as_json: PlainJson = False,
+) -> None:
+    """Map the stability of a case: which steps, grains and speeds break it, and by what."""
+    from liftdrag.bench import seconds
+    from liftdrag.progress import spinning
+    from liftdrag.report import stress_table
+    from liftdrag.stress import stress as run_stress
+
+    names = [name.strip() for name in axes.split(",")] if axes else []
+    budget_s, chosen = seconds(budget), _case(case, settings)
+    with spinning() as tell:
+        found = run_stress(chosen, engine, out, budget_s, jobs, names, engine_path, tell)
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=2))
+        return
+    _print_tables(stress_table(found))
+    for line in found.lines():
+        print(line)
+    if found.left:
+        print(
+            f"Left out for the budget of {budget}, and the same command goes on with it: "
+            f"{', '.join(found.left)}."
+        )
+    print(f"In {found.stand.folder}: stability.csv, stability.png, stress.json")
+
+
+@app.command()
 def analyze(
     context: typer.Context,
     path: Annotated[Path, typer.Argument(help="The folder of a run, or your own force file.")],

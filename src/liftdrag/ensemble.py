@@ -22,6 +22,8 @@ import numpy as np
 
 from liftdrag.analysis import drag2d
 from liftdrag.analysis.drag2d import EnsembleAnswers, Packing
+from liftdrag.analysis.invariants import check_sound, plane_invariants, watched
+from liftdrag.analysis.overlaps import deepest_in_plane
 from liftdrag.analysis.stopping import EnsembleStopping, missed
 from liftdrag.case import Case
 from liftdrag.cost import Estimate, check_means, cores, foresee
@@ -130,6 +132,8 @@ def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str,
     short = missed(scene.targets, found.quantities, "ensemble.runs")
     warnings = [*record.alarms, *found.warnings, *record.warnings, *short]
     result = result | quantities_of(found.quantities) | {"warnings": warnings}
+    deepest = max(_deepest(folder, record, k, found) for k in range(len(packings)))
+    result = watched(result, plane_invariants(scene, [p.series for p in packings], deepest))
     try:
         write_json(folder / RESULT, result)
         _write_tables(folder, scene, found)
@@ -137,6 +141,7 @@ def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str,
         pictures.draw_flow(scene, *_frames(folder, record), folder / "flow.png")
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *warnings]
+    check_sound(result)
     return Result(folder, result, found.quantities, found.series, None, FILES)
 
 
@@ -387,6 +392,16 @@ def _packing(folder: Path, record: Record, number: int) -> Packing:
             f"The files in {place} are damaged ({error}); run the case again."
         ) from error
     return Packing(series, frames[0], frames[-1])
+
+
+def _deepest(folder: Path, record: Record, number: int, found: EnsembleAnswers) -> float:
+    """The deepest overlap of a packing over the smaller radius, sampled or seen at its moments."""
+    if "overlap_ratio" in found.values:
+        return float(found.values["overlap_ratio"][number])
+    place = packing_folder(folder, number)
+    moments = engine_called(record.engine).snapshots(record.plan, place)
+    bed = read_bed(place)
+    return max((deepest_in_plane(bed, moment) for moment in moments), default=0.0)
 
 
 def _check_complete(series: Series, record: Record) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
+from liftdrag.analysis.invariants import check_sound, column_invariants, watched
 from liftdrag.analysis.janssen import (
     FillWindow,
     JanssenAnswers,
@@ -154,6 +155,8 @@ def answered(folder: Path, scene: JanssenScene, record: Record, result: dict[str
     series, found = _read(folder, scene, record)
     warnings = [*record.alarms, *found.warnings, *record.warnings]
     result = result | quantities_of(found.quantities) | found.to_dict() | {"warnings": warnings}
+    balance = found.quantities["weight_balance"]
+    result = watched(result, column_invariants(scene, series, balance))
     try:
         write_json(folder / RESULT, result)
         series.to_pandas().to_csv(folder / "series.csv")
@@ -163,6 +166,7 @@ def answered(folder: Path, scene: JanssenScene, record: Record, result: dict[str
         pictures.draw_profile(scene, found, folder / "profile.png")
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *warnings]
+    check_sound(result)
     return Result(folder, result, found.quantities, series, None, FILES)
 
 

@@ -10,10 +10,12 @@ from liftdrag.analysis.quantity import Quantity, rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from liftdrag.analysis.precision import Deviation
     from liftdrag.bench import Benched
     from liftdrag.doctor import Patient
     from liftdrag.engines.probes import Probe
     from liftdrag.result import Result
+    from liftdrag.stress import Stressed
     from liftdrag.study import Studied
     from liftdrag.verify import Verified
 
@@ -102,6 +104,42 @@ def _shares(budget: Mapping[str, Any]) -> Iterator[str]:
     yield f"statistical {100 * budget['statistical']:.2g} %"
     for axis, bias in budget["biases"].items():
         yield f"{axis} {100 * bias['relative']:+.1f} ± {100 * bias['standard_error']:.1f} %"
+
+
+def stress_table(found: Stressed) -> Table:
+    """The values of each axis, and what became of them."""
+    from rich.table import Table
+
+    result = Table(title=f"{found.case.name} on {found.stand.engine}")
+    for heading in (
+        "axis",
+        "value",
+        "broken by",
+        "overlap / bound",
+        "agitation",
+        *_deviating(found),
+    ):
+        result.add_column(heading)
+    for one, row in zip(found.outcomes, found.rows(), strict=True):
+        deepest = one.tried.invariants.get("largest_overlap")
+        shifts = [one.deviations.get(name) for name in found.stand.judged]
+        result.add_row(
+            row["axis"],
+            row["value"],
+            row["causes"] or "-",
+            "" if deepest is None else f"{deepest['value'] / deepest['bound']:.2f}",
+            "" if one.heating is None else f"x{one.heating:.2g}",
+            *("" if d is None else _shift(d) for d in shifts),
+        )
+    return result
+
+
+def _deviating(found: Stressed) -> list[str]:
+    return [f"{name} off by" for name in found.stand.judged]
+
+
+def _shift(found: Deviation) -> str:
+    return f"{100.0 * found.relative:+.1f} ± {100.0 * found.standard_error:.1f} %"
 
 
 def run_table(found: Studied) -> Table:

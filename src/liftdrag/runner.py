@@ -13,6 +13,7 @@ import numpy as np
 
 from liftdrag import beds, ensemble, piston
 from liftdrag.analysis.biases import read_biases
+from liftdrag.analysis.invariants import check_sound, tank_invariants, watched
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.stopping import Stopping, missed
 from liftdrag.analysis.tank import FORCES, Answers, answers, forces
@@ -254,6 +255,8 @@ def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) 
     series, found, last = _read(folder, _tank(case), record)
     result = result | _reported(found, record, series)
     result["warnings"] += missed(_tank(case).targets, found.quantities, "drive.distance")
+    beds = engine_called(record.engine).snapshots(record.plan, folder)
+    result = watched(result, tank_invariants(_tank(case), series, beds))
     try:
         series.to_pandas().to_csv(folder / "series.csv")
         write_json(folder / RESULT, result)
@@ -262,6 +265,7 @@ def _answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) 
             pictures.draw_bed(_tank(case), snapshot, folder / "bed.png")
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *result["warnings"]]
+    check_sound(result)
     return Result(folder, result, found.quantities, series, found.window, _FILES)
 
 

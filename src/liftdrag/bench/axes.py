@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from liftdrag.case import Case
 from liftdrag.cost import cores
+from liftdrag.errors import InputError, shown
 from liftdrag.numerics import derive
 from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 
@@ -59,6 +60,17 @@ def axes_of(case: Case, engine: str) -> tuple[Axis, ...]:
     if isinstance(scene, JanssenScene):
         return tuple(_janssen(scene))
     return tuple(_drag2d(scene))
+
+
+def wanted(names: Sequence[str], asked: Sequence[str]) -> list[str]:
+    """The axes that are `asked` for of these names, all by default. Raises InputError."""
+    for name in asked:
+        if name not in names:
+            raise InputError(
+                f"There is no axis {shown(name)} of this case on this engine; choose from "
+                f"{', '.join(names)}."
+            )
+    return list(asked or names)
 
 
 def _tank(scene: TankScene, engine: str) -> Iterator[Axis]:

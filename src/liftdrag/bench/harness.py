@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import threading
-import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 from liftdrag.analysis.quantity import rounded
-from liftdrag.bench.axes import Axis, axes_of
+from liftdrag.bench.axes import axes_of, wanted
 from liftdrag.bench.benched import Benched
 from liftdrag.bench.judged import CASE, finished, tolerances
-from liftdrag.bench.points import REFERENCE, Task, points_of, reference
-from liftdrag.bench.runs import Run, Stand, carried_out, earlier, warm_up
-from liftdrag.bench.schedule import State, left_out, next_task
+from liftdrag.bench.points import REFERENCE, points_of, reference
+from liftdrag.bench.runs import Run, Stand, earlier
+from liftdrag.bench.schedule import State, left_out
+from liftdrag.bench.working import check_jobs, own_beds, spent, working
 from liftdrag.bench.written import begin, write
 from liftdrag.case import Case
 from liftdrag.cost import cores
-from liftdrag.engines import mpi
-from liftdrag.engines.base import Progress
-from liftdrag.errors import InputError, RunFailed, shown
+from liftdrag.errors import RunFailed
 from liftdrag.runner import engine_for
-
-BEDS = "LIFTDRAG_BEDS"
-"""The variable that says whether settled beds are kept for other runs."""
-
-Work = Callable[[Task], Run]
-Clock = Callable[[], float]
 
 
 def bench(
@@ -50,15 +40,12 @@ def bench(
     is not run again. Raises InputError before anything runs, RunFailed when the case itself does
     not finish; a value that fails is a finding.
     """
-    if mpi.world(program="liftdrag").size > 1:
-        raise InputError("A bench starts its runs by itself; start it without mpiexec.")
-    if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs {jobs} is not at least 1.")
+    check_jobs(jobs)
     found, state = _planned(case, engine, out, axes, engine_path, budget_s)
     halted, runs = threading.Event(), list(state.runs)
-    work = _working(found.stand, halted)
+    work = working(found.stand, halted)
     try:
-        with _own_beds(), closing(spent(state, work, jobs or cores(), halted)) as ended:
+        with own_beds(), closing(spent(state, work, jobs or cores(), halted)) as ended:
             for one in ended:
                 runs.append(one)
                 tell(_line(one))
@@ -68,19 +55,6 @@ def bench(
         found = replace(found, runs=tuple(runs), left=left)
         write(found)
     return found
-
-
-@contextmanager
-def _own_beds() -> Iterator[None]:
-    """Each run settles its own bed: what it takes must not depend on what ran before."""
-    before = os.environ.get(BEDS)
-    os.environ[BEDS] = "off"
-    try:
-        yield
-    finally:
-        os.environ.pop(BEDS, None)
-        if before is not None:
-            os.environ[BEDS] = before
 
 
 def _planned(
@@ -96,7 +70,7 @@ def _planned(
     chosen = engine_for(plain, engine, engine_path)
     chosen.check(1)
     known = axes_of(plain, chosen.name)
-    wanted = _wanted(known, axes)
+    looked_at = wanted([axis.name for axis in known], axes)
     others, refused = points_of(plain, known)
     points = (reference(plain), *others)
     goals = tolerances(plain.scene)
@@ -106,86 +80,12 @@ def _planned(
     notes = [
         f"{axis} {name} is left out: {why}"
         for (axis, name), why in refused.items()
-        if axis in wanted
+        if axis in looked_at
     ]
     found = Benched(case, stand, known, goals, (), notes)
     begin(found)
-    asked = tuple(point for point in points if point.axis in (REFERENCE, *wanted))
+    asked = tuple(point for point in points if point.axis in (REFERENCE, *looked_at))
     return found, State(asked, tuple(earlier(points, stand)), (), goals, budget_s)
-
-
-def _wanted(known: Sequence[Axis], asked: Sequence[str]) -> list[str]:
-    names = [axis.name for axis in known]
-    for name in asked:
-        if name not in names:
-            raise InputError(
-                f"There is no axis {shown(name)} of this case on this engine; choose from "
-                f"{', '.join(names)}."
-            )
-    return list(asked) or names
-
-
-def spent(
-    state: State,
-    work: Work,
-    jobs: int,
-    halted: threading.Event,
-    clock: Clock = time.monotonic,
-) -> Generator[Run]:
-    """The runs that the time of `state` allows, as they end; a run on several ranks goes alone.
-
-    `halted` is set when it ends, so that runs that still go on may stop.
-    """
-    deadline = clock() + state.left_s
-    pending: dict[Future[Run], Task] = {}
-    pool = ThreadPoolExecutor(jobs)
-    try:
-        while True:
-            going = tuple(pending.values())
-            state = replace(state, pending=going, left_s=deadline - clock())
-            task = next_task(state)
-            if task is not None and _has_room(task, going, jobs):
-                pending[pool.submit(work, task)] = task
-            elif pending:
-                for done in wait(pending, return_when=FIRST_COMPLETED).done:
-                    del pending[done]
-                    state = replace(state, runs=(*state.runs, done.result()))
-                    yield done.result()
-            else:
-                return
-    finally:
-        halted.set()
-        pool.shutdown(cancel_futures=True)
-
-
-def _has_room(task: Task, going: Sequence[Task], jobs: int) -> bool:
-    alone = any(one.point.ranks > 1 for one in (task, *going))
-    return len(going) < (1 if alone else jobs)
-
-
-def _working(stand: Stand, halted: threading.Event) -> Work:
-    """What runs a task; before the first on one core, and on several, the engine is compiled."""
-    lock, warm = threading.Lock(), set[bool]()
-
-    def work(task: Task) -> Run:
-        parallel = task.point.ranks > 1
-        with lock:
-            if stand.engine == "dem" and parallel not in warm:
-                warm_up(task, stand, halted)
-                warm.add(parallel)
-        return carried_out(task, stand, _until(halted))
-
-    return work
-
-
-def _until(halted: threading.Event) -> Progress:
-    """Progress that ends a run when the bench has ended."""
-
-    def look(_stage: str, _done: int, _total: int) -> None:
-        if halted.is_set():
-            raise RunFailed("killed", "the bench was interrupted")
-
-    return look
 
 
 def _check(runs: Sequence[Run]) -> None:

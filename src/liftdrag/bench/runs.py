@@ -85,7 +85,7 @@ def carried_out(task: Task, stand: Stand, progress: Progress) -> Run:
         return Run(*point.key, task.replica, failure.status, failure.reason)
     except InputError as refusal:
         return Run(*point.key, task.replica, "refused", str(refusal))
-    return _read(task, stand)
+    return read(task, stand)
 
 
 def warm_up(task: Task, stand: Stand, halted: threading.Event) -> None:
@@ -110,7 +110,7 @@ def earlier(points: Sequence[Point], stand: Stand) -> list[Run]:
 def _finished(point: Point, stand: Stand) -> Iterator[Run]:
     replica = 1
     while _is_finished(task := Task(point, replica), stand):
-        yield _read(task, stand)
+        yield read(task, stand)
         replica += 1
 
 
@@ -125,7 +125,7 @@ def _is_finished(task: Task, stand: Stand) -> bool:
     return same and done and result["engine"]["version"] == stand.version
 
 
-def _read(task: Task, stand: Stand) -> Run:
+def read(task: Task, stand: Stand) -> Run:
     """The run in its folder. One without an answer that can be judged has failed."""
     result, point = read_json(folder_of(stand, task) / RESULT), task.point
     given = result["quantities"]

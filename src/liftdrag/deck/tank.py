@@ -22,6 +22,9 @@ from liftdrag.packing import Container, random_bed, square_layer
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import FLOOR
 
+FLOOR_FORCES = {"floor_drag": "N", "floor_lift": "N"}
+"""Force of the bed on the driven layers along x, and on the bottom layer along z."""
+
 PIECES = 200
 """Pieces of a run of LIGGGHTS, after each of which it may end early."""
 
@@ -87,7 +90,7 @@ def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:
         },
         row_every=numerics.row_every.value,
         series={
-            "forces.dat": {"drag": "N", "lift": "N"},
+            "forces.dat": {"drag": "N", "lift": "N"} | FLOOR_FORCES,
             "bed.dat": {"bed_speed": "m/s", "solid_fraction": "1", "overburden": "Pa"},
         },
         stoppable=scene.stop is not None,

@@ -1,0 +1,166 @@
+"""A case put under stress: points run one after another while time is left, some at a time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from liftdrag.bench.axes import wanted
+from liftdrag.bench.judged import CASE, finished, tolerances
+from liftdrag.bench.points import Point, Task, points_of, reference
+from liftdrag.bench.runs import Run, Stand, folder_of, read
+from liftdrag.bench.schedule import State
+from liftdrag.bench.working import check_jobs, own_beds, spent, working
+from liftdrag.case import Case
+from liftdrag.cost import cores
+from liftdrag.errors import InputError, RunFailed
+from liftdrag.folder import RECORD, RESULT, read_json
+from liftdrag.runner import engine_for
+from liftdrag.stress.axes import SEEDS, axes_of
+from liftdrag.stress.outcome import Tried
+from liftdrag.stress.shortened import shortened
+from liftdrag.stress.stressed import Stressed
+from liftdrag.stress.written import begun, write
+
+RUNS = 3
+"""Runs of the case itself, which differ in their seed; one where the seeds are not asked for."""
+
+UNFINISHED = ("killed", "disk_full", "unknown")
+"""Ends of a run that say nothing of its case."""
+
+
+def stress(
+    case: Case,
+    engine: str | None = None,
+    out: str | Path | None = None,
+    budget_s: float = 600.0,
+    jobs: int | None = None,
+    axes: Sequence[str] = (),
+    engine_path: str | Path | None = None,
+    tell: Callable[[str], None] = lambda _words: None,
+) -> Stressed:
+    """Run a case cut short, and what differs from it in one choice, while the budget (s) lasts.
+
+    `jobs` runs go on at a time, each on one core, by default one a core; `axes` are the choices
+    to look at, by default all. What ended in the folder before, by default below runs/stress, is
+    not run again, and the case stays as short as it was cut then. Raises InputError before
+    anything runs, RunFailed when the case itself does not finish; a value that breaks is a
+    finding.
+    """
+    check_jobs(jobs)
+    seconds = budget_s * (jobs or cores())
+    found, state = _planned(case, engine, out, axes, engine_path, seconds, budget_s)
+    halted, runs = threading.Event(), list(state.runs)
+    for line in found.bounds.lines():
+        tell(line)
+    seeds = RUNS if SEEDS in (axes or [SEEDS]) else 1
+    choose = partial(next_task, seeds=seeds)
+    work = working(found.stand, halted)
+    try:
+        ended = spent(state, work, jobs or cores(), halted, choose=choose)
+        with own_beds(), closing(ended):
+            for one in ended:
+                runs.append(one)
+                tell(f"{one.axis} {one.name}: {one.status} {one.reason}".rstrip())
+        _check(runs)
+    finally:
+        unseen = _unseen(replace(state, runs=tuple(runs)))
+        left = [f"{point.axis} {point.name}" for point in unseen]
+        found = replace(found, tried=tuple(_tried(one, found.stand) for one in runs), left=left)
+        write(found)
+    return found
+
+
+def _planned(
+    case: Case,
+    engine: str | None,
+    out: str | Path | None,
+    axes: Sequence[str],
+    engine_path: str | Path | None,
+    seconds: float,
+    budget_s: float,
+) -> tuple[Stressed, State]:
+    """The map with the runs of before, and where it goes on; its folder is made.
+
+    `seconds` of processor time are there for all of it.
+    """
+    plain = Case(case.name, {key: table for key, table in case.tables.items() if key != "stop"})
+    chosen = engine_for(plain, engine, engine_path)
+    chosen.check(1)
+    names = [axis.name for axis in axes_of(plain)]
+    asked = wanted([*names, SEEDS], axes)
+    whole = [axis for axis in axes_of(plain) if axis.name in asked]
+    folder = Path(out) if out is not None else Path("runs") / "stress" / case.name
+    short = begun(folder, case, chosen.name, shortened(plain, whole, seconds))
+    path, goals = None if engine_path is None else Path(engine_path), tolerances(short.scene)
+    stand = Stand(folder, chosen.name, chosen.about().version, path, tuple(goals))
+    known = tuple(axis for axis in axes_of(short) if axis.name in asked)
+    others, refused = points_of(short, known)
+    points = (reference(short), *others)
+    before = tuple(one for point in points for one in _earlier(point, stand))
+    state = State(points, before, (), goals, budget_s)
+    return Stressed(case, short, stand, known, (), refused), state
+
+
+def next_task(state: State, seeds: int) -> Task | None:
+    """The case itself, so many times, then the others, the cheapest first."""
+    case = state.points[0]
+    if state.started(case) < 1:
+        return Task(case, 1)
+    if CASE not in finished(state.runs):
+        return None
+    again = [case] if state.started(case) < seeds else []
+    for point in (*again, *_unseen(state)):
+        if state.affords(point):
+            return Task(point, state.started(point) + 1)
+    return None
+
+
+def _unseen(state: State) -> list[Point]:
+    """The points without a run, the cheapest first."""
+    found = [point for point in state.points if not state.started(point)]
+    return sorted(found, key=lambda point: point.hint_s)
+
+
+def _earlier(point: Point, stand: Stand) -> Iterator[Run]:
+    """The runs of a point that ended in the folder before, whole or broken."""
+    replica = 1
+    while (run := _ended(Task(point, replica), stand)) is not None:
+        yield run
+        replica += 1
+
+
+def _ended(task: Task, stand: Stand) -> Run | None:
+    folder = folder_of(stand, task)
+    try:
+        record, result = read_json(folder / RECORD), read_json(folder / RESULT)
+    except InputError:
+        return None
+    version = result.get("engine", {}).get("version")
+    if record.get("tables") != dict(task.case.tables) or version != stand.version:
+        return None
+    if result["status"] == "finished":
+        return read(task, stand) if result.get("quantities") else None
+    if result["status"] in UNFINISHED:
+        return None
+    said = next(iter(result.get("warnings", [])), "")
+    return Run(*task.point.key, task.replica, result["status"], said, result.get("cpu_s", 0.0))
+
+
+def _tried(run: Run, stand: Stand) -> Tried:
+    folder = stand.folder / run.axis / run.name / f"run-{run.replica}"
+    try:
+        return Tried(run, read_json(folder / RESULT).get("invariants", {}))
+    except InputError:
+        return Tried(run, {})
+
+
+def _check(runs: Sequence[Run]) -> None:
+    """Raise RunFailed when the case itself has no answer."""
+    failed = [one for one in runs if one.key == CASE and not one.finished]
+    if failed and CASE not in finished(runs):
+        raise RunFailed(failed[0].status, f"The case itself failed: {failed[0].reason}")
