@@ -34,7 +34,7 @@ from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.folder import RESULT, Record, fresh, write_json
+from liftdrag.folder import RESULT, Record, claimed, fresh, write_json, writing
 from liftdrag.numerics import Drag2DNumerics, derive, explained
 from liftdrag.packing.drag2d import packed
 from liftdrag.pictures import drag2d as pictures
@@ -107,14 +107,27 @@ def run(
     Under MPICH's `mpiexec` each rank runs its share, and all but the first end here. Raises
     InputError before anything is started, RunFailed when a packing does not finish.
     """
+    with contextlib.ExitStack() as own:
+        return _run(case, engine, out, ranks, progress, ignore_probes, own)
+
+
+def _run(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None,
+    ranks: int | None,
+    progress: Progress,
+    ignore_probes: Sequence[str],
+    own: contextlib.ExitStack,
+) -> Result:
     scene = _planar(case)
     check_shape(scene, engine.dialect)
     world, start = mpi.world(program="liftdrag"), time.monotonic()
     if world.size > 1:
-        task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world)
+        task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world, own)
         return _conclude(task, record, outcomes, scene.ensemble.runs, time.monotonic() - start)
     workers = ranks or cores()
-    task, record = _begin(case, engine, out, progress, ignore_probes, workers)
+    task, record = _begin(case, engine, out, progress, ignore_probes, workers, own)
     outcomes, count = _recorded(task, record, progress, workers)
     return _conclude(task, record, outcomes, count, time.monotonic() - start)
 
@@ -151,6 +164,7 @@ def _begin(
     progress: Progress,
     ignore_probes: Sequence[str],
     workers: int,
+    own: contextlib.ExitStack,
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
     engine.check(1)
@@ -164,10 +178,11 @@ def _begin(
         progress("compile", 0, 1)
     with ThreadPoolExecutor(1) as aside:  # a signal in compiled code would end the process
         first = aside.submit(_made, case, scene, 0, engine.dialect).result()
-    folder = fresh(out, case.name)
+    folder = own.enter_context(claimed(out, case.name))
     expected = foresee(scene, numerics, engine, workers)
     numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    with writing(folder):
+        (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
     made = provenance(first[0].digest) | {"probes": [found.to_dict() for found in probes]}
     record = Record(
         case.name,
@@ -190,6 +205,7 @@ def _in_team(
     progress: Progress,
     ignore_probes: Sequence[str],
     world: mpi.World,
+    own: contextlib.ExitStack,
 ) -> tuple[_Task, Record, list[Outcome]]:
     """This rank's share of the packings; only the first rank returns, with those of all."""
     from mpi4py import MPI
@@ -197,7 +213,7 @@ def _in_team(
     team, first = MPI.COMM_WORLD, None
     try:
         if world.rank == 0:
-            first = _begin(case, engine, out, progress, ignore_probes, world.size)
+            first = _begin(case, engine, out, progress, ignore_probes, world.size, own)
     finally:
         place = team.bcast(str(first[0].folder) if first else "", root=0)
     if not place:

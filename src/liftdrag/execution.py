@@ -12,7 +12,7 @@ from liftdrag.deck import Deck
 from liftdrag.engines.base import Engine, Enough, Outcome, Progress
 from liftdrag.engines.probes import Probe
 from liftdrag.errors import RunFailed
-from liftdrag.folder import RESULT, Record, write_json
+from liftdrag.folder import RESULT, Record, write_json, writing
 from liftdrag.numerics import Numerics, explained
 from liftdrag.result import begun, cost, provenance
 
@@ -32,8 +32,9 @@ def write_deck(
 
     `settled_bed` says where the bed of a tank comes from, `estimate` what the run should cost.
     """
-    deck.write(folder)
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    with writing(folder):
+        deck.write(folder)
+        (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
     made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
     if settled_bed is not None:
         made["settled_bed"] = dict(settled_bed)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from liftdrag.deck import Plan
 from liftdrag.errors import InputError, RunFailed
+from liftdrag.lock import LOCK, check_unlocked, held
 
 RECORD = "run.json"
 RESULT = "result.json"
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where nothing more can be written."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,13 @@ def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
         raise InputError(f"The folder {out or parent} cannot be used: {reason}.") from None
 
 
+@contextlib.contextmanager
+def claimed(out: str | Path | None, name: str) -> Iterator[Path]:
+    """A `fresh` folder for a run, locked for the block. Raises InputError."""
+    with held(fresh(out, name)) as folder:
+        yield folder
+
+
 def check_free(out: str | Path | None) -> None:
     """Raise InputError when `out` is given and in use, before anything is done for it."""
     if out is not None and Path(out).exists():
@@ -69,10 +81,16 @@ def check_free(out: str | Path | None) -> None:
 
 
 def _empty(folder: Path) -> Path:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.is_dir():
+        check_unlocked(folder)
+    if folder.exists() and (not folder.is_dir() or _used(folder)):
         raise InputError(f"--out {folder} exists and is not an empty folder; choose another.")
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def _used(folder: Path) -> bool:
+    return any(entry.name != LOCK for entry in folder.iterdir())
 
 
 def _next_free(base: Path) -> Path:
@@ -111,12 +129,29 @@ def _damaged(path: Path) -> InputError:
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
     """Write a whole file or none: to a name beside it first, then renamed. Raises RunFailed."""
     beside = path.with_suffix(".part")
-    try:
+    with writing(path):
         with beside.open("w", encoding="utf-8") as file:
             json.dump(record, file, indent=2)
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
+        _keep_names(path.parent)
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn what the system says of a write to `path` into RunFailed, in a sentence."""
+    try:
+        yield
     except OSError as error:
-        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        status = "disk_full" if error.errno in FULL else "engine_error"
         raise RunFailed(status, f"{path} cannot be written: {error.strerror}.") from None
+
+
+def _keep_names(folder: Path) -> None:
+    """Have the names of a folder's files on the disk, as their contents are."""
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(place)
+    finally:
+        os.close(place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from liftdrag.engines.fills import read_fills
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RESULT, Record, check_free, fresh, write_json
+from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json
 from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import packed_column
 from liftdrag.pictures import janssen as pictures
@@ -82,6 +83,19 @@ def run(
 
     Raises InputError before anything is started, RunFailed when the engine does not finish.
     """
+    with ExitStack() as own:
+        return _run(case, engine, out, ranks, progress, ignore_probes, own)
+
+
+def _run(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None,
+    ranks: int,
+    progress: Progress,
+    ignore_probes: Sequence[str],
+    until_end: ExitStack,
+) -> Result:
     world = engine.world()
     own = engine.dialect is IN_HOUSE
     if own and world.size > 1:
@@ -100,7 +114,7 @@ def run(
         progress("compile" if own and is_cold() else "packing", 0, 1)
         numerics, deck = prepare(case, engine.dialect, ranks)
         numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-        folder = fresh(out, case.name)
+        folder = until_end.enter_context(claimed(out, case.name))
         record = write_deck(
             case,
             numerics,

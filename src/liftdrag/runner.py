@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -26,7 +27,7 @@ from liftdrag.engines.base import Engine, Enough, Progress, silent
 from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RESULT, Record, check_free, fresh, read_json, write_json
+from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, read_json, write_json
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result, answered, budgeted
@@ -102,7 +103,8 @@ def run(
         _refuse_dump(dump, "a column leaves its profiles")
         found = piston.run(case, chosen, out, ranks or 1, progress, ignore_probes)
     else:
-        found = _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes)
+        with ExitStack() as own:
+            found = _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes, own)
     return budgeted(found, case, biases)
 
 
@@ -130,6 +132,7 @@ def _run_tank(
     dump: bool,
     progress: Progress,
     ignore_probes: Sequence[str],
+    own: ExitStack,
 ) -> Result:
     world, scene = chosen.world(), _tank(case)
     if world.rank > 0:
@@ -148,7 +151,7 @@ def _run_tank(
         numerics, deck = prepare(case, ranks, dump, chosen.dialect, start.bed)
         warnings = (*numerics.warnings, *start.warnings, *expected.warnings)
         numerics = replace(numerics, warnings=warnings)
-        folder = fresh(out, case.name)
+        folder = own.enter_context(claimed(out, case.name))
         record = write_deck(
             case,
             numerics,
