@@ -7,7 +7,6 @@ of one rank, or over the ranks of the MPI job around us. Each has a folder with 
 from __future__ import annotations
 
 import contextlib
-import errno
 import sys
 import threading
 import time
@@ -32,9 +31,22 @@ from liftdrag.dem import Bed, is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
+from liftdrag.engines.watchdog import Watchdog, limits
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.folder import RESULT, Record, claimed, fresh, write_json, writing
+from liftdrag.execution import how_on
+from liftdrag.folder import (
+    FULL,
+    RESULT,
+    Record,
+    changed,
+    claimed,
+    fresh,
+    read_json,
+    write_json,
+    writing,
+)
 from liftdrag.numerics import Drag2DNumerics, derive, explained
 from liftdrag.packing.drag2d import packed
 from liftdrag.pictures import drag2d as pictures
@@ -63,6 +75,7 @@ class _Task:
     folder: Path
     first: tuple[Deck, float] | None = None
     expected: Estimate | None = None
+    watchdog: Watchdog | None = None
 
 
 def packing_folder(folder: Path, number: int) -> Path:
@@ -101,6 +114,7 @@ def run(
     ranks: int | None = None,
     progress: Progress = silent,
     ignore_probes: Sequence[str] = (),
+    timeout_s: float | None = None,
 ) -> Result:
     """Run all packings of a case, `ranks` at a time, and answer with their means.
 
@@ -108,7 +122,7 @@ def run(
     InputError before anything is started, RunFailed when a packing does not finish.
     """
     with contextlib.ExitStack() as own:
-        return _run(case, engine, out, ranks, progress, ignore_probes, own)
+        return _run(case, engine, out, ranks, progress, ignore_probes, timeout_s, own)
 
 
 def _run(
@@ -118,6 +132,7 @@ def _run(
     ranks: int | None,
     progress: Progress,
     ignore_probes: Sequence[str],
+    timeout_s: float | None,
     own: contextlib.ExitStack,
 ) -> Result:
     scene = _planar(case)
@@ -128,8 +143,34 @@ def _run(
         return _conclude(task, record, outcomes, scene.ensemble.runs, time.monotonic() - start)
     workers = ranks or cores()
     task, record = _begin(case, engine, out, progress, ignore_probes, workers, own)
+    task = replace(task, watchdog=_watchdog(timeout_s))
     outcomes, count = _recorded(task, record, progress, workers)
     return _conclude(task, record, outcomes, count, time.monotonic() - start)
+
+
+def resumed(
+    case: Case,
+    engine: Engine,
+    folder: Path,
+    record: Record,
+    ranks: int | None = None,
+    progress: Progress = silent,
+    timeout_s: float | None = None,
+) -> Result:
+    """Go on with an ensemble that was cut short: packings that have finished are kept.
+
+    Raises InputError in an MPI job of several ranks, RunFailed when a packing does not finish.
+    """
+    if mpi.world(program="liftdrag").size > 1:
+        raise InputError("An ensemble is gone on with in one process; start it without mpiexec.")
+    start = time.monotonic()
+    task = _Task(case, _planar(case), engine, folder, watchdog=_watchdog(timeout_s))
+    outcomes, count = _recorded(task, record, progress, ranks or cores())
+    return _conclude(task, record, outcomes, count, time.monotonic() - start)
+
+
+def _watchdog(timeout_s: float | None) -> Watchdog:
+    return Watchdog(limits(timeout_s, 0.0), ())
 
 
 def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
@@ -183,7 +224,10 @@ def _begin(
     numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
     with writing(folder):
         (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    made = provenance(first[0].digest) | {"probes": [found.to_dict() for found in probes]}
+    made = provenance(first[0]) | {
+        "probes": [found.to_dict() for found in probes],
+        "engine": identity(engine),
+    }
     record = Record(
         case.name,
         dict(case.tables),
@@ -255,8 +299,10 @@ def _recorded(
         raise _failed(task, record, "killed", "the run was interrupted") from None
     except InputError as error:
         raise _failed(task, record, "engine_error", str(error)) from None
+    except RunFailed as failure:
+        raise _failed(task, record, failure.status, failure.reason) from None
     except OSError as error:
-        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        status = "disk_full" if error.errno in FULL else "engine_error"
         raise _failed(task, record, status, str(error)) from None
 
 
@@ -264,7 +310,8 @@ def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
     """The failure of a run without outcomes, written down where that is possible."""
     with contextlib.suppress(RunFailed):
         write_json(task.folder / RESULT, begun(record, status, [reason]))
-    return RunFailed(status, f"{status} in {task.folder}: {reason}")
+    how = how_on(record, task.folder, status)
+    return RunFailed(status, f"{status} in {task.folder}: {reason}{how and '.'}{how}")
 
 
 class _Enough:
@@ -327,18 +374,34 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
     def look(_stage: str, _done: int, _total: int) -> None:
         if halted.is_set():
             raise _Halted
+        if task.watchdog:
+            task.watchdog.look()
 
     folder = packing_folder(task.folder, number)
     if not task.folder.is_dir():
         raise RunFailed("engine_error", f"the folder {task.folder} vanished during the run")
+    if (before := _finished(folder)) is not None:
+        return before
     made = task.first if number == 0 else None
     deck, packing_s = made or _made(task.case, task.scene, number, task.engine.dialect)
     deck.write(folder)
     outcome = task.engine.run(deck.plan, folder, look, alone=True)
     outcome = replace(outcome, cpu_s=outcome.cpu_s + packing_s)
     named = replace(outcome, reason=f"packing {number + 1}: {outcome.reason}")
-    write_json(folder / OUTCOME, asdict(named) | {"path": str(outcome.path)})
+    ended = asdict(named) | {"path": str(outcome.path), "deck_files": deck.digests}
+    write_json(folder / OUTCOME, ended)
     return outcome if outcome.status == "finished" else named
+
+
+def _finished(folder: Path) -> Outcome | None:
+    """The outcome of a packing that had finished before, its deck as it was written."""
+    if not (folder / OUTCOME).exists():
+        return None
+    ended = read_json(folder / OUTCOME)
+    files = ended.pop("deck_files", None)
+    if ended.get("status") != "finished" or not files or changed(folder, files):
+        return None
+    return Outcome(**ended | {"path": Path(ended["path"])})
 
 
 def _made(case: Case, scene: Drag2DScene, number: int, dialect: Dialect) -> tuple[Deck, float]:

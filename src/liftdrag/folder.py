@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -43,6 +44,10 @@ class Record:
         """Write it into the folder. Raises RunFailed."""
         write_json(folder / RECORD, asdict(self))
 
+    def changed(self, folder: Path) -> list[str]:
+        """The files of the deck that are not what they were when they were written."""
+        return changed(folder, self.provenance.get("deck_files", {}))
+
     @classmethod
     def read(cls, folder: Path) -> Record:
         """The record of a folder. Raises InputError when it is missing or damaged."""
@@ -54,6 +59,19 @@ class Record:
             raise TypeError
         except (KeyError, TypeError):
             raise _damaged(folder / RECORD) from None
+
+
+def changed(folder: Path, digests: Mapping[str, str]) -> list[str]:
+    """The names of the files that do not have these digests any more."""
+    return [name for name, digest in digests.items() if _digest(folder / name) != digest]
+
+
+def _digest(file: Path) -> str:
+    """SHA-256 of a file, none when it cannot be read."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
 def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:

@@ -27,6 +27,7 @@ from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Progress, silent
 from liftdrag.engines.fills import read_fills
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
@@ -78,13 +79,14 @@ def run(
     ranks: int = 1,
     progress: Progress = silent,
     ignore_probes: Sequence[str] = (),
+    timeout_s: float | None = None,
 ) -> Result:
     """Fill the tube on so many ranks, or threads of the in-house engine, and answer.
 
     Raises InputError before anything is started, RunFailed when the engine does not finish.
     """
     with ExitStack() as own:
-        return _run(case, engine, out, ranks, progress, ignore_probes, own)
+        return _run(case, engine, out, ranks, progress, ignore_probes, timeout_s, own)
 
 
 def _run(
@@ -94,6 +96,7 @@ def _run(
     ranks: int,
     progress: Progress,
     ignore_probes: Sequence[str],
+    timeout_s: float | None,
     until_end: ExitStack,
 ) -> Result:
     world = engine.world()
@@ -124,12 +127,13 @@ def _run(
             found,
             alarms,
             estimate=expected.to_dict(),
+            made_by=identity(engine),
         )
     except BaseException:
         engine.release()
         raise
     enough = FillStopping(scene_of(case)) if deck.plan.stoppable else None
-    outcome, result = carried_out(engine, record, folder, progress, enough)
+    outcome, result = carried_out(engine, record, folder, progress, enough, timeout_s)
     record = _as_it_was(record, folder)
     fills = record.plan.fills
     lid = result["grains"] - fills[-1][0]

@@ -24,6 +24,7 @@ from liftdrag.deck.tank import Bed, build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import spatial
 from liftdrag.engines.base import Engine, Enough, Progress, silent
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
@@ -78,6 +79,7 @@ def run(
     engine_path: str | Path | None = None,
     ignore_probes: Sequence[str] = (),
     bench: str | Path | None = None,
+    timeout_s: float | None = None,
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
@@ -88,8 +90,8 @@ def run(
     the pictures and `result.json`, and with `dump` a trajectory; by default it is
     a new one below `runs/`. The engine is probed first, with the grains of the case;
     a probe of `ignore_probes` may fail. The folder `bench` of a bench gives the biases of the
-    result's error budget. Raises InputError before the run is started,
-    RunFailed when the engine does not finish; the folder then says why.
+    result's error budget. Raises InputError before the run is started, RunFailed when the engine
+    does not finish, or in `timeout_s` (s); the folder then says why.
     """
     chosen = engine_for(case, engine, engine_path)
     check_names(tuple(ignore_probes))
@@ -98,13 +100,15 @@ def run(
     biases = None if bench is None else read_biases(Path(bench))
     if isinstance(case.scene, Drag2DScene):
         _refuse_dump(dump, "the moments of each packing are kept in any case")
-        found = ensemble.run(case, chosen, out, ranks, progress, ignore_probes)
+        found = ensemble.run(case, chosen, out, ranks, progress, ignore_probes, timeout_s)
     elif isinstance(case.scene, JanssenScene):
         _refuse_dump(dump, "a column leaves its profiles")
-        found = piston.run(case, chosen, out, ranks or 1, progress, ignore_probes)
+        found = piston.run(case, chosen, out, ranks or 1, progress, ignore_probes, timeout_s)
     else:
         with ExitStack() as own:
-            found = _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes, own)
+            found = _run_tank(
+                case, chosen, out, ranks or 1, dump, progress, ignore_probes, timeout_s, own
+            )
     return budgeted(found, case, biases)
 
 
@@ -132,6 +136,7 @@ def _run_tank(
     dump: bool,
     progress: Progress,
     ignore_probes: Sequence[str],
+    timeout_s: float | None,
     own: ExitStack,
 ) -> Result:
     world, scene = chosen.world(), _tank(case)
@@ -162,18 +167,19 @@ def _run_tank(
             alarms,
             settled_bed=start.provenance,
             estimate=expected.to_dict(),
+            made_by=identity(chosen),
         )
     except BaseException:
         chosen.release()
         raise
-    enough = _enough(scene, chosen, record, folder)
-    outcome, result = carried_out(chosen, record, folder, progress, enough)
+    enough = enough_for(scene, chosen, record, folder)
+    outcome, result = carried_out(chosen, record, folder, progress, enough, timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
     beds.keep(start, scene, folder)
     return _answered(folder, case, record, result)
 
 
-def _enough(scene: TankScene, engine: Engine, record: Record, folder: Path) -> Enough | None:
+def enough_for(scene: TankScene, engine: Engine, record: Record, folder: Path) -> Enough | None:
     """Whether the series so far reaches the targets of the scene's stop; None without one."""
     if scene.stop is None:
         return None

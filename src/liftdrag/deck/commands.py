@@ -19,6 +19,15 @@ PIECES = frozenset({("include", "stop.lmp"), ("next", "piece"), ("jump", "SELF",
 FILL_PIECES = re.compile(r"include stop-[0-9]+\.lmp|next piece_[0-9]+|jump SELF average_[0-9]+")
 """The same of an average in pieces, one for each fill of a column."""
 
+RESTARTS = re.compile(
+    r"restart 0|restart [0-9]+ (settle|drive)-a\.restart \1-b\.restart"
+    r"|read_restart (settle|drive)-from\.restart"
+)
+"""Whole commands that write the state of a tank and read it again."""
+
+RUN_PIECE = re.compile(r"run ([0-9]+|\$\{left\})")
+"""What an `if` may run of a run in pieces."""
+
 ALLOWED_IN_IF = frozenset({"print", "quit", "jump"})
 """The only commands that an `if` of a deck may run."""
 
@@ -49,12 +58,15 @@ def check_commands(text: str) -> None:
         _check(command, ALLOWED)
         if command.startswith("if "):
             for part in _consequences(command):
-                _check(part, ALLOWED_IN_IF)
+                if not RUN_PIECE.fullmatch(part):
+                    _check(part, ALLOWED_IN_IF)
 
 
 def _check(command: str, allowed: frozenset[str]) -> None:
     words = command.split()
-    if tuple(words) in PIECES or FILL_PIECES.fullmatch(" ".join(words)):
+    if tuple(words) in PIECES or any(
+        whole.fullmatch(" ".join(words)) for whole in (FILL_PIECES, RESTARTS)
+    ):
         return
     if words and (words[0] not in allowed or not _harmless(words)):
         raise ValueError(f"the deck would run {command[:60]!r}, which is not allowed")
@@ -64,7 +76,8 @@ def _consequences(command: str) -> Iterator[str]:
     """The commands that an `if` would run."""
     quoted = re.split(r"\sthen\s", command, maxsplit=1)[-1]
     for match in re.finditer(r"\"([^\"]*)\"|'([^']*)'|(\S+)", quoted):
-        yield next(part for part in match.groups() if part is not None)
+        if match[3] != "else":
+            yield next(part for part in match.groups() if part is not None)
 
 
 def _harmless(words: list[str]) -> bool:
@@ -75,7 +88,7 @@ def _harmless(words: list[str]) -> bool:
         place, styles = STYLES[words[0]]
         return len(words) > place and words[place] in styles
     if words[0] == "run":
-        return len(words) == 2 or words[2:] == ["pre", "no", "post", "no"]
+        return len(words) == 2 or words[2:] in (["pre", "no", "post", "no"], ["upto"])
     if words[0] == "jump":
         return words[1:2] == ["SELF"]
     return words[0] != "print" or not {"file", "append"} & set(words)

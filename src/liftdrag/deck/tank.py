@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from io import StringIO
 from typing import Any
@@ -14,6 +15,7 @@ from liftdrag.classic import Classic, classic
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
+from liftdrag.deck.restart import STAGES, deck_of
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
@@ -64,16 +66,30 @@ def build(
             "ranks": ranks,
             "settled": bed.settled,
             "trajectory_every": numerics.trajectory_every.value if dump else 0,
+            "restart_every": numerics.restart_every.value,
+            "restarts": _restarts(numerics, dialect),
         }
     )
-    texts = {
-        "in.tank": render(f"{dialect.folder}/tank.in.j2", context),
-        "grains.data": _data_file(scene, bed),
-    }
+    texts = dict(_decks(context, dialect)) | {"grains.data": _data_file(scene, bed)}
     if scene.stop and dialect is LIGGGHTS:
         texts["stop.lmp"] = "variable good_enough equal 0\n"
-    check_commands(texts["in.tank"])
     return Deck(texts, _plan(scene, numerics, ranks))
+
+
+def _decks(context: dict[str, Any], dialect: Dialect) -> Iterator[tuple[str, str]]:
+    """The deck, and one for each stage that may be gone on with."""
+    stages = [name for name, written in context["restarts"].items() if written]
+    for stage, name in (("start", "in.tank"), *((stage, deck_of(stage)) for stage in stages)):
+        text = render(f"{dialect.folder}/tank.in.j2", context | {"stage": stage, "deck": name})
+        check_commands(text)
+        yield name, text
+
+
+def _restarts(numerics: TankNumerics, dialect: Dialect) -> dict[str, bool]:
+    """The stages that may take long enough to be worth restart files, which LAMMPS alone has."""
+    steps = {"settle": numerics.settle_steps_max.value, "drive": numerics.drive_steps.value}
+    every = numerics.restart_every.value
+    return {stage: dialect is not LIGGGHTS and every < steps[stage] for stage in STAGES}
 
 
 def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:

@@ -7,23 +7,27 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import Dialect
-from liftdrag.engines import checks, mpi, process
+from liftdrag.engines import checks, mpi, process, restart
 from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.fills import FillStopper, as_they_were, ends_in, write_fills
 from liftdrag.engines.log import LogTail
 from liftdrag.engines.profiles import read_profiles
 from liftdrag.engines.stopper import Stopper
+from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
 from liftdrag.errors import RunFailed
 from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 from liftdrag.tables import column, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAYS = "engine.out"
 _STAGE = re.compile(r"LIFTDRAG STAGE (\w+) (\d+)")
@@ -86,17 +90,24 @@ class Family(ABC):
         progress: Progress,
         alone: bool = False,
         enough: Enough | None = None,
+        limits: Limits = FOREVER,
     ) -> Outcome:
         """Run the deck on the ranks of the MPI job around us or, `alone`, on new ones."""
         report = _reporter(LogTail(folder / self.log), progress)
         stopper = self._stopper(plan, folder, enough)
+        watchdog = Watchdog(limits, (folder / name for name in (self.log, SAYS, *plan.series)))
 
         def poll() -> None:
             report()
             stopper.look()
+            watchdog.look()
 
         own_ranks = 1 if alone else self.world().size
-        ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
+        try:
+            ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
+        except RunFailed as failure:
+            said = checks.last_words(checks.text(folder / self.log), checks.text(folder / SAYS))
+            raise RunFailed(failure.status, failure.reason, said) from None
         return self._outcome(plan, folder, ended.code, own_ranks * ended.cpu_s)
 
     def _stopper(self, plan: Plan, folder: Path, enough: Enough | None) -> Stopper | FillStopper:
@@ -132,6 +143,7 @@ class Family(ABC):
     def _outcome(self, plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
         log = checks.text(folder / self.log)
         said = checks.text(folder / SAYS)
+        restart.join(plan, folder)
         loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
         status, reason = checks.verdict(plan, folder, log, said, code)
         if plan.fills and plan.stoppable:
@@ -154,8 +166,12 @@ class Family(ABC):
         """The series of `fix ave/time`, time zero where the drive starts."""
         import pandas as pd
 
-        files = [read_table(folder / name, "ave-time") for name in plan.series]
-        table = pd.concat([file.set_index("TimeStep") for file in files], axis=1, join="inner")
+        tables = [
+            pd.concat([_by_step(file) for file in restart.parts(folder, name)])
+            for name in plan.series
+        ]
+        whole = [table[~table.index.duplicated(keep="last")] for table in tables]
+        table = pd.concat(whole, axis=1, join="inner")
         units = {name: unit for file in plan.series.values() for name, unit in file.items()}
         channels = {name: column(table, f"v_{name}") for name in units}
         return Series(table.index.to_numpy(float) * plan.time_step, channels, units)
@@ -175,6 +191,10 @@ class Family(ABC):
     def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
         """Those of `profile.dat`."""
         return read_profiles(folder / "profile.dat", plan.time_step)
+
+
+def _by_step(file: Path) -> pd.DataFrame:
+    return read_table(file, "ave-time").set_index("TimeStep")
 
 
 def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
