@@ -6,6 +6,7 @@ import os
 import signal
 from pathlib import Path
 
+import pytest
 from conftest import tiny_tank
 
 from liftdrag.case import Case
@@ -44,9 +45,7 @@ class Kill:
 
 def killed(folder: Path, stage: str, step: int, case: Case = TANK, engine: str = "lammps") -> Path:
     """The folder of a run whose engine was killed at that step or soon after."""
-    try:
+    with pytest.raises(RunFailed) as caught:
         run(case, folder, engine, progress=Kill(folder, stage, step))
-    except RunFailed as failure:
-        assert failure.status == "killed"
-        return folder
-    raise AssertionError("the run ended before it was killed")
+    assert caught.value.status == "killed"
+    return folder

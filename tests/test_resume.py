@@ -90,7 +90,7 @@ def newest(folder: Path) -> Path:
     return point.file
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "gone", "rows"])
+@pytest.mark.parametrize("damage", ["cut", "empty", "gone", "rows", "frame"])
 def test_a_damaged_restart_file_is_passed_over_for_the_older(whole, again, damage):
     file, step = newest(again), restart.step_of(newest(again))
     if damage == "cut":
@@ -103,6 +103,10 @@ def test_a_damaged_restart_file_is_passed_over_for_the_older(whole, again, damag
         rows = (again / "bed.dat").read_text().splitlines(keepends=True)
         kept = [row for row in rows if row.startswith("#") or int(row.split()[0]) < step]
         (again / "bed.dat").write_text("".join(kept))
+    if damage == "frame":
+        frames = (again / "surface.dump").read_text().split("ITEM: TIMESTEP\n")
+        frames[(step - 1) // 81 + 1] = frames[(step - 1) // 81 + 1][:-20]
+        (again / "surface.dump").write_text("ITEM: TIMESTEP\n".join(frames))
     resume(None, again)
     assert resumed_at(again) == [("drive", step - 513)]
     assert same(whole, again) == []

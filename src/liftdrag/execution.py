@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 import time
 from collections.abc import Mapping, Sequence
@@ -88,14 +89,16 @@ def carried_out(
     }
     if finished:
         result["stopped_by"] = outcome.stopped_by
-    write_json(folder / RESULT, result)
-    if not finished:
-        raise RunFailed(
-            outcome.status,
-            f"{outcome.status}: {outcome.reason}.{how_on(record, folder, outcome.status)}",
-            outcome.evidence,
-        )
-    return outcome, result
+    if finished:
+        write_json(folder / RESULT, result)
+        return outcome, result
+    with contextlib.suppress(RunFailed):
+        write_json(folder / RESULT, result)
+    raise RunFailed(
+        outcome.status,
+        f"{outcome.status}: {outcome.reason}.{how_on(record, folder, outcome.status)}",
+        outcome.evidence,
+    )
 
 
 def _as_written(outcome: Outcome, record: Record, folder: Path) -> Outcome:
@@ -124,7 +127,8 @@ def _timed(
         failure = error
     else:
         return outcome, time.monotonic() - start
-    write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
+    with contextlib.suppress(RunFailed):
+        write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
     reason = f"{failure.reason}{how_on(record, folder, failure.status)}"
     raise RunFailed(failure.status, reason, failure.evidence) from None
 

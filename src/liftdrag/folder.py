@@ -147,13 +147,18 @@ def _damaged(path: Path) -> InputError:
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
     """Write a whole file or none: to a name beside it first, then renamed. Raises RunFailed."""
     beside = path.with_suffix(".part")
-    with writing(path):
-        with beside.open("w", encoding="utf-8") as file:
-            json.dump(record, file, indent=2)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-        _keep_names(path.parent)
+    try:
+        with writing(path):
+            with beside.open("w", encoding="utf-8") as file:
+                json.dump(record, file, indent=2)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(path)
+            _keep_names(path.parent)
+    except RunFailed:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise
 
 
 @contextlib.contextmanager

@@ -90,9 +90,9 @@ def _locked(file: TextIO, folder: Path) -> bool:
 
 
 def _lives(holder: str) -> bool:
-    """Whether the process that a lock names may live: it does, or is of another machine."""
+    """Whether another process that a lock names may live: it does, or is of another machine."""
     match = _HOLDER.fullmatch(holder)
-    if match is None:
+    if match is None or match[1] == str(os.getpid()):
         return False
     return match[2] != platform.node() or Path(f"/proc/{match[1]}").exists()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from typing import Any
@@ -15,7 +15,7 @@ from liftdrag.classic import Classic, classic
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
-from liftdrag.deck.restart import STAGES, deck_of
+from liftdrag.deck.restart import LongRun, deck_of
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
@@ -66,30 +66,43 @@ def build(
             "ranks": ranks,
             "settled": bed.settled,
             "trajectory_every": numerics.trajectory_every.value if dump else 0,
-            "restart_every": numerics.restart_every.value,
-            "restarts": _restarts(numerics, dialect),
         }
     )
-    texts = dict(_decks(context, dialect)) | {"grains.data": _data_file(scene, bed)}
+    runs = _runs(scene, numerics, dialect)
+    texts = dict(_decks(context, dialect, runs)) | {"grains.data": _data_file(scene, bed)}
     if scene.stop and dialect is LIGGGHTS:
         texts["stop.lmp"] = "variable good_enough equal 0\n"
     return Deck(texts, _plan(scene, numerics, ranks))
 
 
-def _decks(context: dict[str, Any], dialect: Dialect) -> Iterator[tuple[str, str]]:
+def _decks(
+    context: dict[str, Any], dialect: Dialect, runs: Sequence[LongRun]
+) -> Iterator[tuple[str, str]]:
     """The deck, and one for each stage that may be gone on with."""
-    stages = [name for name, written in context["restarts"].items() if written]
-    for stage, name in (("start", "in.tank"), *((stage, deck_of(stage)) for stage in stages)):
-        text = render(f"{dialect.folder}/tank.in.j2", context | {"stage": stage, "deck": name})
+    resumed = [(run.stage, deck_of(run.stage)) for run in runs if run.every]
+    for stage, name in (("start", "in.tank"), *resumed):
+        going = {f"{run.stage}_run": run.lines(run.stage == stage) for run in runs}
+        append = " append yes" if stage == "drive" else ""
+        going |= {"stage": stage, "deck": name, "append": append}
+        text = render(f"{dialect.folder}/tank.in.j2", context | going)
         check_commands(text)
         yield name, text
 
 
-def _restarts(numerics: TankNumerics, dialect: Dialect) -> dict[str, bool]:
-    """The stages that may take long enough to be worth restart files, which LAMMPS alone has."""
-    steps = {"settle": numerics.settle_steps_max.value, "drive": numerics.drive_steps.value}
-    every = numerics.restart_every.value
-    return {stage: dialect is not LIGGGHTS and every < steps[stage] for stage in STAGES}
+def _runs(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> tuple[LongRun, ...]:
+    """The stages of LAMMPS, with restart files where they may take long enough for one.
+
+    Pieces are exact but for walls whose damping LAMMPS derives anew at each run.
+    """
+    if dialect is LIGGGHTS:
+        return ()
+    every, exact = numerics.restart_every.value, dialect is LAMMPS
+    settle, drive = numerics.settle_steps_max.value, numerics.drive_steps.value
+    enough = "${good_enough} < 0.5" if scene.stop else ""
+    return (
+        LongRun("settle", f"{settle}", every * (every < settle), exact, "${restless} > 0.5"),
+        LongRun("drive", "${drive_steps}", every * (every < drive), exact, enough),
+    )
 
 
 def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:

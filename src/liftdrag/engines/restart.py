@@ -17,7 +17,11 @@ from liftdrag.deck.restart import STAGES, read, written
 MARK = b"LammpS RestartT\0"
 """How a restart file begins and, when it is whole, ends."""
 
-DUMPS = ("surface.dump", "snapshots.dump", "trajectory.dump")
+ANSWERED_FROM = ("surface.dump", "snapshots.dump")
+DUMPS = (*ANSWERED_FROM, "trajectory.dump")
+
+_HEAD = 8
+"""Lines of a frame's head below its first."""
 
 _NTIMESTEP, _TEXTS = 5, (0, 4)
 _FRAME = re.compile(rb"^ITEM: TIMESTEP\n(\d+)\n|^I[A-Z: ]*(?:\n\d*)?\Z", re.MULTILINE)
@@ -73,8 +77,24 @@ def _header_step(file: BinaryIO) -> int | None:
 
 
 def _reached(plan: Plan, folder: Path, step: int) -> bool:
-    """Whether the series have their rows up to a step."""
-    return all(max(_rows(folder, name), default=-1) >= step for name in plan.series)
+    """Whether the series have their rows up to a step, and the dumps whole frames before it."""
+    rows = all(max(_rows(folder, name), default=-1) >= step for name in plan.series)
+    return rows and all(_is_whole(folder / name, step) for name in ANSWERED_FROM)
+
+
+def _is_whole(file: Path, step: int) -> bool:
+    """Whether the frames before a step hold as many lines as they say."""
+    if not file.exists() or not file.stat().st_size:
+        return True
+    with file.open("rb") as opened, mmap(opened.fileno(), 0, access=ACCESS_READ) as content:
+        frames = content[: _end(content, step)].split(b"ITEM: TIMESTEP\n")[1:]
+    return all(_has_its_lines(frame) for frame in frames)
+
+
+def _has_its_lines(frame: bytes) -> bool:
+    lines = frame.splitlines(keepends=True)
+    counted = len(lines) > _HEAD and lines[2].strip().isdigit() and lines[-1].endswith(b"\n")
+    return counted and len(lines) == _HEAD + int(lines[2])
 
 
 def take_back(point: Point, plan: Plan, folder: Path, log: str) -> None:
