@@ -42,11 +42,18 @@ app = typer.Typer(
     Which engines there are, and whether they are sound: liftdrag doctor""",
 )
 
+RESUMING = set("case engine engine_path ranks out settings timeout as_json resume".split())
+"""What may be said with --resume."""
+
 INTERRUPTED = 130
 """The status that typer makes of an interruption."""
 
 CaseName = Annotated[
     str, typer.Argument(metavar="CASE", help="A case file, or the name of a packaged case.")
+]
+RunCase = Annotated[
+    str | None,
+    typer.Argument(metavar="CASE", help="A case file, or the name of a packaged case."),
 ]
 Settings = Annotated[
     list[str] | None,
@@ -149,7 +156,8 @@ def build_deck(
 
 @app.command()
 def run(
-    case: CaseName,
+    context: typer.Context,
+    case: RunCase = None,
     engine: CaseEngine = None,
     engine_path: EnginePath = None,
     ranks: Workers = None,
@@ -171,26 +179,47 @@ def run(
         typer.Option(help="Use so many cores in the way done sooner: by ranks or by replicas."),
     ] = None,
     bench: Bench = None,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on with the run in --out, where it was cut short."),
+    ] = False,
+    timeout: Annotated[
+        str | None, typer.Option(help="End the run after this time: 90s, 30m or 2h.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Run a case and answer with averages and standard errors: drag and lift, or a curve."""
+    from liftdrag.bench import seconds
     from liftdrag.progress import reported
     from liftdrag.replicas import run as run_replicas
     from liftdrag.replicas import spread
+    from liftdrag.resume import resume as go_on
     from liftdrag.runner import run as run_case
 
+    timeout_s = None if timeout is None else seconds(timeout, "--timeout")
+    if resume:
+        _refuse_options(context, RESUMING, "is not for --resume, which goes on with what began")
+        given = None if case is None else _case(case, settings)
+        with reported() as progress:
+            found = go_on(given, out, engine, ranks, progress, engine_path, timeout_s)
+        _show(found, as_json)
+        return
+    if case is None:
+        raise InputError("Name a case to run; 'liftdrag cases' lists the packaged ones.")
     chosen, ignored = _case(case, settings), ignore_probe or ()
-    if cores is not None and (replicas != 1 or ranks is not None or dump):
-        raise InputError("--cores chooses; leave out --ranks, --replicas and --dump.")
-    if replicas != 1 and (ranks is not None or dump):
-        raise InputError("--replicas takes a core for each run; leave out --ranks and --dump.")
+    if cores is not None and (replicas != 1 or ranks is not None or dump or timeout):
+        raise InputError("--cores chooses; leave out --ranks, --replicas, --dump and --timeout.")
+    if replicas != 1 and (ranks is not None or dump or timeout):
+        raise InputError(
+            "--replicas takes a core for each run; leave out --ranks, --dump and --timeout."
+        )
     with reported() as progress:
         if cores is not None:
             way = spread(chosen, cores, engine, engine_path)
             chosen, ranks, replicas = way.case, way.ranks, way.replicas
         if replicas == 1:
             result = run_case(
-                chosen, out, engine, ranks, dump, progress, engine_path, ignored, bench
+                chosen, out, engine, ranks, dump, progress, engine_path, ignored, bench, timeout_s
             )
         else:
             result = run_replicas(
@@ -403,13 +432,17 @@ def verify(
         raise RunFailed("engine_error", f"{chosen.name} fails {failed} of the tests.")
 
 
-def _refuse_options(context: typer.Context, known: set[str]) -> None:
+def _refuse_options(
+    context: typer.Context,
+    known: set[str],
+    why: str = "is for force files; a run's folder needs no options",
+) -> None:
     """Refuse the options that were given and have no meaning here."""
     for name in context.params.keys() - known:
         source = context.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":
             option = name.replace("_", "-")
-            raise InputError(f"--{option} is for force files; a run's folder needs no options.")
+            raise InputError(f"--{option} {why}.")
 
 
 def _case(name: str, settings: list[str] | None) -> Case:

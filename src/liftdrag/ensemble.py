@@ -7,7 +7,6 @@ of one rank, or over the ranks of the MPI job around us. Each has a folder with 
 from __future__ import annotations
 
 import contextlib
-import errno
 import sys
 import threading
 import time
@@ -34,9 +33,23 @@ from liftdrag.dem import Bed, is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
+from liftdrag.engines.watchdog import Watchdog, limits
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.folder import RESULT, Record, check_free, fresh, write_json
+from liftdrag.execution import how_on
+from liftdrag.folder import (
+    FULL,
+    RESULT,
+    Record,
+    changed,
+    check_free,
+    claimed,
+    fresh,
+    read_json,
+    write_json,
+    writing,
+)
 from liftdrag.numerics import Drag2DNumerics, derive, explained
 from liftdrag.packing.drag2d import packed
 from liftdrag.pictures import drag2d as pictures
@@ -69,6 +82,7 @@ class _Task:
     folder: Path
     first: tuple[Deck, float] | None = None
     expected: Estimate | None = None
+    watchdog: Watchdog | None = None
 
 
 def packing_folder(folder: Path, number: int) -> Path:
@@ -107,22 +121,63 @@ def run(
     ranks: int | None = None,
     progress: Progress = silent,
     ignore_probes: Sequence[str] = (),
+    timeout_s: float | None = None,
 ) -> Result:
     """Run all packings of a case, `ranks` at a time, and answer with their means.
 
     Under MPICH's `mpiexec` each rank runs its share, and all but the first end here. Raises
     InputError before anything is started, RunFailed when a packing does not finish.
     """
+    with contextlib.ExitStack() as own:
+        return _run(case, engine, out, ranks, progress, ignore_probes, timeout_s, own)
+
+
+def _run(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None,
+    ranks: int | None,
+    progress: Progress,
+    ignore_probes: Sequence[str],
+    timeout_s: float | None,
+    own: contextlib.ExitStack,
+) -> Result:
     scene = _planar(case)
     check_shape(scene, engine.dialect)
     world, start = mpi.world(program="liftdrag"), time.monotonic()
     if world.size > 1:
-        task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world)
+        task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world, own)
         return _conclude(task, record, outcomes, scene.ensemble.runs, time.monotonic() - start)
     workers = ranks or cores()
-    task, record = _begin(case, engine, out, progress, ignore_probes, workers)
+    task, record = _begin(case, engine, out, progress, ignore_probes, workers, own)
+    task = replace(task, watchdog=_watchdog(timeout_s))
     outcomes, count = _recorded(task, record, progress, workers)
     return _conclude(task, record, outcomes, count, time.monotonic() - start)
+
+
+def resumed(
+    case: Case,
+    engine: Engine,
+    folder: Path,
+    record: Record,
+    ranks: int | None = None,
+    progress: Progress = silent,
+    timeout_s: float | None = None,
+) -> Result:
+    """Go on with an ensemble that was cut short: packings that have finished are kept.
+
+    Raises InputError in an MPI job of several ranks, RunFailed when a packing does not finish.
+    """
+    if mpi.world(program="liftdrag").size > 1:
+        raise InputError("An ensemble is gone on with in one process; start it without mpiexec.")
+    start = time.monotonic()
+    task = _Task(case, _planar(case), engine, folder, watchdog=_watchdog(timeout_s))
+    outcomes, count = _recorded(task, record, progress, ranks or cores())
+    return _conclude(task, record, outcomes, count, time.monotonic() - start)
+
+
+def _watchdog(timeout_s: float | None) -> Watchdog:
+    return Watchdog(limits(timeout_s, 0.0), ())
 
 
 def answered(folder: Path, scene: Drag2DScene, record: Record, result: dict[str, Any]) -> Result:
@@ -166,6 +221,7 @@ def _begin(
     progress: Progress,
     ignore_probes: Sequence[str],
     workers: int,
+    own: contextlib.ExitStack,
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
     engine.check(1)
@@ -181,11 +237,15 @@ def _begin(
         progress("compile", 0, 1)
     with ThreadPoolExecutor(1) as aside:  # a signal in compiled code would end the process
         first = aside.submit(_made, case, scene, 0, engine.dialect).result()
-    folder = fresh(out, case.name)
+    folder = own.enter_context(claimed(out, case.name))
     expected = foresee(scene, numerics, engine, workers)
     numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    made = provenance(first[0].digest) | {"probes": [found.to_dict() for found in probes]}
+    with writing(folder):
+        (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    made = provenance(first[0]) | {
+        "probes": [found.to_dict() for found in probes],
+        "engine": identity(engine),
+    }
     record = Record(
         case.name,
         dict(case.tables),
@@ -207,6 +267,7 @@ def _in_team(
     progress: Progress,
     ignore_probes: Sequence[str],
     world: mpi.World,
+    own: contextlib.ExitStack,
 ) -> tuple[_Task, Record, list[Outcome]]:
     """This rank's share of the packings; only the first rank returns, with those of all."""
     from mpi4py import MPI
@@ -214,7 +275,7 @@ def _in_team(
     team, first = MPI.COMM_WORLD, None
     try:
         if world.rank == 0:
-            first = _begin(case, engine, out, progress, ignore_probes, world.size)
+            first = _begin(case, engine, out, progress, ignore_probes, world.size, own)
     finally:
         place = team.bcast(str(first[0].folder) if first else "", root=0)
     if not place:
@@ -256,8 +317,10 @@ def _recorded(
         raise _failed(task, record, "killed", "the run was interrupted") from None
     except InputError as error:
         raise _failed(task, record, "engine_error", str(error)) from None
+    except RunFailed as failure:
+        raise _failed(task, record, failure.status, failure.reason) from None
     except OSError as error:
-        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        status = "disk_full" if error.errno in FULL else "engine_error"
         raise _failed(task, record, status, str(error)) from None
 
 
@@ -265,7 +328,8 @@ def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
     """The failure of a run without outcomes, written down where that is possible."""
     with contextlib.suppress(RunFailed):
         write_json(task.folder / RESULT, begun(record, status, [reason]))
-    return RunFailed(status, f"{status} in {task.folder}: {reason}")
+    how = how_on(record, task.folder, status)
+    return RunFailed(status, f"{status} in {task.folder}: {reason}{how and '.'}{how}")
 
 
 class _Enough:
@@ -328,18 +392,34 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
     def look(_stage: str, _done: int, _total: int) -> None:
         if halted.is_set():
             raise _Halted
+        if task.watchdog:
+            task.watchdog.look()
 
     folder = packing_folder(task.folder, number)
     if not task.folder.is_dir():
         raise RunFailed("engine_error", f"the folder {task.folder} vanished during the run")
+    if (before := _finished(folder)) is not None:
+        return before
     made = task.first if number == 0 else None
     deck, packing_s = made or _made(task.case, task.scene, number, task.engine.dialect)
     deck.write(folder)
     outcome = task.engine.run(deck.plan, folder, look, alone=True)
     outcome = replace(outcome, cpu_s=outcome.cpu_s + packing_s)
     named = replace(outcome, reason=f"packing {number + 1}: {outcome.reason}")
-    write_json(folder / OUTCOME, asdict(named) | {"path": str(outcome.path)})
+    ended = asdict(named) | {"path": str(outcome.path), "deck_files": deck.digests}
+    write_json(folder / OUTCOME, ended)
     return outcome if outcome.status == "finished" else named
+
+
+def _finished(folder: Path) -> Outcome | None:
+    """The outcome of a packing that had finished before, its deck as it was written."""
+    if not (folder / OUTCOME).exists():
+        return None
+    ended = read_json(folder / OUTCOME)
+    files = ended.pop("deck_files", None)
+    if ended.get("status") != "finished" or not files or changed(folder, files):
+        return None
+    return Outcome(**ended | {"path": Path(ended["path"])})
 
 
 def _made(case: Case, scene: Drag2DScene, number: int, dialect: Dialect) -> tuple[Deck, float]:

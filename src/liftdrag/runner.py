@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -26,10 +27,20 @@ from liftdrag.deck.tank import Bed, build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines import spatial
 from liftdrag.engines.base import Engine, Enough, Progress, silent
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import TANK, Subject, check_names
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import carried_out, write_deck
-from liftdrag.folder import RECORD, RESULT, Record, check_free, fresh, read_json, write_json
+from liftdrag.folder import (
+    RECORD,
+    RESULT,
+    Record,
+    check_free,
+    claimed,
+    fresh,
+    read_json,
+    write_json,
+)
 from liftdrag.numerics import TankNumerics, derive, explained
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result, answered, budgeted
@@ -81,6 +92,7 @@ def run(
     engine_path: str | Path | None = None,
     ignore_probes: Sequence[str] = (),
     bench: str | Path | None = None,
+    timeout_s: float | None = None,
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
@@ -91,8 +103,8 @@ def run(
     the pictures and `result.json`, and with `dump` a trajectory; by default it is
     a new one below `runs/`. The engine is probed first, with the grains of the case;
     a probe of `ignore_probes` may fail. The folder `bench` of a bench gives the biases of the
-    result's error budget. Raises InputError before the run is started,
-    RunFailed when the engine does not finish; the folder then says why.
+    result's error budget. Raises InputError before the run is started, RunFailed when the engine
+    does not finish, or in `timeout_s` (s); the folder then says why.
     """
     chosen = engine_for(case, engine, engine_path)
     check_names(tuple(ignore_probes))
@@ -101,12 +113,15 @@ def run(
     biases = None if bench is None else read_biases(Path(bench))
     if isinstance(case.scene, Drag2DScene):
         _refuse_dump(dump, "the moments of each packing are kept in any case")
-        found = ensemble.run(case, chosen, out, ranks, progress, ignore_probes)
+        found = ensemble.run(case, chosen, out, ranks, progress, ignore_probes, timeout_s)
     elif isinstance(case.scene, JanssenScene):
         _refuse_dump(dump, "a column leaves its profiles")
-        found = piston.run(case, chosen, out, ranks or 1, progress, ignore_probes)
+        found = piston.run(case, chosen, out, ranks or 1, progress, ignore_probes, timeout_s)
     else:
-        found = _run_tank(case, chosen, out, ranks or 1, dump, progress, ignore_probes)
+        with ExitStack() as own:
+            found = _run_tank(
+                case, chosen, out, ranks or 1, dump, progress, ignore_probes, timeout_s, own
+            )
     return budgeted(found, case, biases)
 
 
@@ -134,6 +149,8 @@ def _run_tank(
     dump: bool,
     progress: Progress,
     ignore_probes: Sequence[str],
+    timeout_s: float | None,
+    own: ExitStack,
 ) -> Result:
     world, scene = chosen.world(), _tank(case)
     if world.rank > 0:
@@ -153,7 +170,7 @@ def _run_tank(
         numerics, deck = prepare(case, ranks, dump, chosen.dialect, start.bed)
         warnings = (*numerics.warnings, *start.warnings, *expected.warnings)
         numerics = replace(numerics, warnings=warnings)
-        folder = fresh(out, case.name)
+        folder = own.enter_context(claimed(out, case.name))
         record = write_deck(
             case,
             numerics,
@@ -164,18 +181,19 @@ def _run_tank(
             alarms,
             settled_bed=start.provenance,
             estimate=expected.to_dict(),
+            made_by=identity(chosen),
         )
     except BaseException:
         chosen.release()
         raise
-    enough = _enough(scene, chosen, record, folder)
-    outcome, result = carried_out(chosen, record, folder, progress, enough)
+    enough = enough_for(scene, chosen, record, folder)
+    outcome, result = carried_out(chosen, record, folder, progress, enough, timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
     beds.keep(start, scene, folder)
     return _answered(folder, case, record, result)
 
 
-def _enough(scene: TankScene, engine: Engine, record: Record, folder: Path) -> Enough | None:
+def enough_for(scene: TankScene, engine: Engine, record: Record, folder: Path) -> Enough | None:
     """Whether the series so far reaches the targets of the scene's stop; None without one."""
     if scene.stop is None:
         return None

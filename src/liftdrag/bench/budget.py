@@ -12,9 +12,9 @@ MOST = 1e6
 """The largest number before a unit."""
 
 
-def seconds(text: str) -> float:
-    """The seconds (s) of "90s", "30m" or "1.5h". Raises InputError."""
+def seconds(text: str, option: str = "--budget") -> float:
+    """The seconds (s) of "90s", "30m" or "1.5h", given by an option. Raises InputError."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh])", text.strip())
     if match is None or not 0.0 < float(match[1]) < MOST:
-        raise InputError(f"--budget {shown(text)} is no time; write it as 90s, 30m or 2h.")
+        raise InputError(f"{option} {shown(text)} is no time; write it as 90s, 30m or 2h.")
     return float(match[1]) * _UNITS[match[2]]

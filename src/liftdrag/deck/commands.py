@@ -51,12 +51,21 @@ SHAPES = {
     "print": re.compile(r"print (\"[^\"]*\"|'[^']*')"),
     "processors": re.compile(r"processors( [1-9*][0-9]*){3}"),
     "quit": re.compile(r"quit( 1)?"),
-    "run": re.compile(r"run \S+( pre no post no)?"),
+    "run": re.compile(r"run \S+( pre no post no| upto)?"),
 }
 """Commands of which only this form is allowed, whole."""
 
 IN_IF = frozenset({"print", "quit", "jump"})
 """The commands that an `if` may run."""
+
+RUN_PIECE = re.compile(r"run ([0-9]+|\$\{left\})")
+"""What else it may run, in a run in pieces."""
+
+RESTARTS = (
+    r"restart (0|[0-9]+ (?P<stage>settle|drive)-a\.restart (?P=stage)-b\.restart)"
+    r"|read_restart (settle|drive)-from\.restart"
+)
+"""Whole commands that write the state of a tank and read it again."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +81,16 @@ def _rules(commands: str, files: str, whole: str = r"\0") -> Rules:
     return Rules(ANY | set(commands.split()), frozenset(files.split()), re.compile(whole))
 
 
+_TANK = _rules(
+    "if label reset_timestep unfix velocity write_dump",
+    "bed.dat forces.dat grains.data settled.dump snapshots.dump surface.dump trajectory.dump",
+    rf"include stop\.lmp|next piece|jump SELF (settling|settle|drive|driven)|{RESTARTS}",
+)
+
 DECKS = {
-    "in.tank": _rules(
-        "if label reset_timestep unfix velocity write_dump",
-        "bed.dat forces.dat grains.data settled.dump snapshots.dump surface.dump trajectory.dump",
-        r"include stop\.lmp|next piece|jump SELF (settling|drive|driven)",
-    ),
+    "in.tank": _TANK,
+    "in.tank-settle": _TANK,
+    "in.tank-drive": _TANK,
     "in.janssen": _rules(
         "displace_atoms if label unfix velocity",
         "column.data forces.dat profile.dat",
@@ -112,7 +125,7 @@ def _check(command: str, rules: Rules) -> None:
         raise _refusal(command)
     if words[0] == "if":
         for part in _consequences(words):
-            if part.split(" ")[0] not in IN_IF:
+            if part.split(" ")[0] not in IN_IF and not RUN_PIECE.fullmatch(part):
                 raise _refusal(part)
             _check(part, Rules(rules.commands | {"quit"}, rules.files, rules.whole))
 
@@ -126,7 +139,8 @@ def _consequences(words: Sequence[str]) -> Iterator[str]:
     if len(words) < 4 or words[2] != "then":
         raise _refusal(" ".join(words))
     for word in words[3:]:
-        yield word[1:-1] if word[0] in "\"'" else word
+        if word != "else":
+            yield word[1:-1] if word[0] in "\"'" else word
 
 
 def _is_formed(words: Sequence[str]) -> bool:

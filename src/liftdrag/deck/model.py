@@ -49,6 +49,17 @@ class Deck:
             joined += name.encode() + hashlib.sha256(blob).digest()
         return hashlib.sha256(joined).hexdigest()
 
+    @property
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of each file that stays as it was written."""
+        texts = {name: text.encode() for name, text in self.texts.items()}
+        files = sorted((texts | dict(self.blobs)).items())
+        return {
+            name: hashlib.sha256(content).hexdigest()
+            for name, content in files
+            if not name.startswith("stop")
+        }
+
     def write(self, folder: Path) -> None:
         """Write the texts into `folder`, which is made when it does not exist."""
         folder.mkdir(parents=True, exist_ok=True)

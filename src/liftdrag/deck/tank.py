@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from typing import Any
@@ -14,6 +15,7 @@ from liftdrag.classic import Classic, classic
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
+from liftdrag.deck.restart import LongRun, deck_of
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
@@ -69,14 +71,41 @@ def build(
             "trajectory_every": numerics.trajectory_every.value if dump else 0,
         }
     )
-    texts = {
-        "in.tank": render(f"{dialect.folder}/tank.in.j2", context),
-        "grains.data": _data_file(scene, bed),
-    }
+    runs = _runs(scene, numerics, dialect)
+    texts = dict(_decks(context, dialect, runs)) | {"grains.data": _data_file(scene, bed)}
     if scene.stop and dialect is LIGGGHTS:
         texts["stop.lmp"] = "variable good_enough equal 0\n"
-    check_commands(texts["in.tank"], "in.tank")
     return Deck(texts, _plan(scene, numerics, ranks))
+
+
+def _decks(
+    context: dict[str, Any], dialect: Dialect, runs: Sequence[LongRun]
+) -> Iterator[tuple[str, str]]:
+    """The deck, and one for each stage that may be gone on with."""
+    resumed = [(run.stage, deck_of(run.stage)) for run in runs if run.every]
+    for stage, name in (("start", "in.tank"), *resumed):
+        going = {f"{run.stage}_run": run.lines(run.stage == stage) for run in runs}
+        append = " append yes" if stage == "drive" else ""
+        going |= {"stage": stage, "deck": name, "append": append}
+        text = render(f"{dialect.folder}/tank.in.j2", context | going)
+        check_commands(text, name)
+        yield name, text
+
+
+def _runs(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> tuple[LongRun, ...]:
+    """The stages of LAMMPS, with restart files where they may take long enough for one.
+
+    Pieces are exact but for walls whose damping LAMMPS derives anew at each run.
+    """
+    if dialect is LIGGGHTS:
+        return ()
+    every, exact = numerics.restart_every.value, dialect is LAMMPS
+    settle, drive = numerics.settle_steps_max.value, numerics.drive_steps.value
+    enough = "${good_enough} < 0.5" if scene.stop else ""
+    return (
+        LongRun("settle", f"{settle}", every * (every < settle), exact, "${restless} > 0.5"),
+        LongRun("drive", "${drive_steps}", every * (every < drive), exact, enough),
+    )
 
 
 def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:

@@ -12,6 +12,7 @@ import numpy as np
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import Dialect
 from liftdrag.engines.mpi import World
+from liftdrag.engines.watchdog import FOREVER, Limits
 from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
@@ -97,10 +98,12 @@ class Engine(Protocol):
         progress: Progress,
         alone: bool = False,
         enough: Enough | None = None,
+        limits: Limits = FOREVER,
     ) -> Outcome:
         """Carry out the plan of a deck already written to `folder`, until there is `enough`.
 
         On the ranks of the MPI job that liftdrag was started in or, `alone`, outside of it.
+        Raises RunFailed "timeout" or "stalled" beyond the `limits`.
         """
 
     def series(self, plan: Plan, folder: Path) -> Series:

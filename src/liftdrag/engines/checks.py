@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from math import prod
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from liftdrag.engines.fills import as_they_were, early, ends_in
 from liftdrag.engines.stopper import PRECISION, STOP, stop_files
 from liftdrag.errors import InputError
 from liftdrag.tables import column, read_table
+
+DISK_FULL = "the disk is full; free some and run again"
 
 LOOP = re.compile(
     r"Loop time of (\d+(?:\.\d+)?(?:e[-+]?\d+)?) on \d+ procs for (\d+) steps with (\d+) atoms"
@@ -41,8 +44,11 @@ _CAUSES = (
         "grains move too fast for the time step; a smaller numerics.time_step or a slower "
         "drive.speed may help",
     ),
-    (r"No space left on device", "disk_full", "the disk is full; free some and run again"),
+    (r"No space left on device", "disk_full", DISK_FULL),
 )
+
+LEAST_FREE = 65536
+"""Bytes below which a disk is full to an engine that could not write."""
 
 
 def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[str, str]:
@@ -63,6 +69,8 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
     if unsettled := _UNSETTLED.search(log):
         return "engine_error", f"the bed did not come to rest: {unsettled[1]}"
     end = _END.search(log)
+    if end is None and _is_full(folder):
+        return "disk_full", DISK_FULL
     if end is None and (code < 0 or _SIGNAL.search(said)):
         return "killed", "the engine was ended by a signal from outside"
     if end is None:
@@ -71,6 +79,10 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
     if int(end[1]) != last and stopped_by(plan, folder, log) == "distance":
         return "engine_error", f"the engine ended at step {end[1]}, not {last}"
     return _judge_series(plan, folder, int(end[1]))
+
+
+def _is_full(folder: Path) -> bool:
+    return folder.is_dir() and shutil.disk_usage(folder).free < LEAST_FREE
 
 
 def stopped_by(plan: Plan, folder: Path, log: str) -> str:
@@ -109,15 +121,25 @@ def _judge_series(plan: Plan, folder: Path, last: int) -> tuple[str, str]:
     for name, channels in plan.series.items():
         try:
             table = read_table(folder / name, "ave-time")
-            end = column(table, "TimeStep").max()
+            steps = column(table, "TimeStep")
         except InputError as error:
             return "engine_error", str(error)
-        if last - end >= plan.row_every:
-            return "engine_error", f"{name} ends at step {end:.0f}"
+        if gap := _gap(steps, plan.row_every, last):
+            return "engine_error", f"{name} {gap}"
         found = table.reindex(columns=[f"v_{channel}" for channel in channels])
         if not np.isfinite(found.to_numpy()).all():
             return "not_finite", f"{name} holds values that are not finite numbers"
     return "finished", ""
+
+
+def _gap(steps: np.ndarray, every: int, last: int) -> str:
+    """What is wrong with the steps of a series, where it is not complete to the last one."""
+    if steps[0] > every:
+        return f"begins at step {steps[0]:.0f}"
+    if last - steps[-1] >= every:
+        return f"ends at step {steps[-1]:.0f}"
+    wrong = np.flatnonzero(np.diff(steps) != every)
+    return f"has a gap or a row too many after step {steps[wrong[0]]:.0f}" if wrong.size else ""
 
 
 def ranks_of(log: str) -> int:

@@ -11,6 +11,8 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import NoReturn
 
@@ -29,6 +31,7 @@ from liftdrag.engines.dem_planar import PlanarDeck
 from liftdrag.engines.fills import early, read_fills
 from liftdrag.engines.samples import Ran, read_samples
 from liftdrag.engines.stopper import PRECISION
+from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
 from liftdrag.errors import InputError
 from liftdrag.profile import Profile
 from liftdrag.series import Series
@@ -90,11 +93,18 @@ class InHouse:
         progress: Progress,
         alone: bool = False,
         enough: Enough | None = None,
+        limits: Limits = FOREVER,
     ) -> Outcome:
         """Carry out the deck in pieces; the average of each fill of a column until `enough`."""
         deck = _read(folder)
         start = time.perf_counter()
-        ran, cpu_s = _aside(deck, folder, progress, enough)
+        watchdog = Watchdog(replace(limits, silence_s=inf), ())
+
+        def look(stage: str, done: int, total: int) -> None:
+            watchdog.look()
+            progress(stage, done, total)
+
+        ran, cpu_s = _aside(deck, folder, look, enough)
         loop_s = time.perf_counter() - start
         status, reason = _ENDS[ran.status]
         about = self.about()

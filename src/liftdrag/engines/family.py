@@ -14,12 +14,13 @@ import numpy as np
 
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import Dialect
-from liftdrag.engines import checks, mpi, process
+from liftdrag.engines import checks, mpi, process, restart
 from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.fills import FillStopper, as_they_were, ends_in, write_fills
 from liftdrag.engines.log import LogTail
 from liftdrag.engines.profiles import read_profiles
 from liftdrag.engines.stopper import Stopper
+from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
 from liftdrag.errors import RunFailed
 from liftdrag.files import check_ordinary
 from liftdrag.profile import Profile
@@ -91,17 +92,24 @@ class Family(ABC):
         progress: Progress,
         alone: bool = False,
         enough: Enough | None = None,
+        limits: Limits = FOREVER,
     ) -> Outcome:
         """Run the deck on the ranks of the MPI job around us or, `alone`, on new ones."""
         report = _reporter(LogTail(folder / self.log), progress)
         stopper = self._stopper(plan, folder, enough)
+        watchdog = Watchdog(limits, (folder / name for name in (self.log, SAYS, *plan.series)))
 
         def poll() -> None:
             report()
             stopper.look()
+            watchdog.look()
 
         own_ranks = 1 if alone else self.world().size
-        ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
+        try:
+            ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
+        except RunFailed as failure:
+            said = checks.last_words(checks.text(folder / self.log), checks.text(folder / SAYS))
+            raise RunFailed(failure.status, failure.reason, said) from None
         return self._outcome(plan, folder, ended.code, own_ranks * ended.cpu_s)
 
     def _stopper(self, plan: Plan, folder: Path, enough: Enough | None) -> Stopper | FillStopper:
@@ -137,6 +145,7 @@ class Family(ABC):
     def _outcome(self, plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
         log = checks.text(folder / self.log)
         said = checks.text(folder / SAYS)
+        restart.join(plan, folder)
         loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
         status, reason = checks.verdict(plan, folder, log, said, code)
         if plan.fills and plan.stoppable:
@@ -162,8 +171,15 @@ class Family(ABC):
         """
         import pandas as pd
 
-        files = [_rows(folder / name, plan.row_every) for name in plan.series]
-        table = pd.concat(files, axis=1, join="inner")
+        tables = [
+            pd.concat([_by_step(file) for file in restart.parts(folder, name)])
+            for name in plan.series
+        ]
+        whole = [
+            _rows(table, name, plan.row_every)
+            for name, table in zip(plan.series, tables, strict=True)
+        ]
+        table = pd.concat(whole, axis=1, join="inner")
         units = {name: unit for file in plan.series.values() for name, unit in file.items()}
         channels = {name: column(table, f"v_{name}") for name in units}
         return Series(table.index.to_numpy(float) * plan.time_step, channels, units)
@@ -183,6 +199,10 @@ class Family(ABC):
     def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
         """Those of `profile.dat`."""
         return read_profiles(folder / "profile.dat", plan.time_step)
+
+
+def _by_step(file: Path) -> pd.DataFrame:
+    return read_table(file, "ave-time").set_index("TimeStep")
 
 
 def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
@@ -224,13 +244,12 @@ def _table(rows: Sequence[str], width: int, path: Path) -> np.ndarray:
     return values
 
 
-def _rows(path: Path, every: int) -> pd.DataFrame:
-    """A table of `fix ave/time` by steps, a row each `every` steps. Raises ValueError."""
-    table = read_table(path, "ave-time")
-    steps = column(table, "TimeStep")
-    if np.any(np.diff(steps) != every):
-        raise ValueError(f"{path}: its rows are not {every} steps apart")
-    return table.set_index("TimeStep")
+def _rows(table: pd.DataFrame, name: str, every: int) -> pd.DataFrame:
+    """The rows of a file by steps, the last of a step, `every` steps apart. Raises ValueError."""
+    rows = table[~table.index.duplicated(keep="last")]
+    if np.any(np.diff(rows.index.to_numpy()) != every):
+        raise ValueError(f"{name}: its rows are not {every} steps apart")
+    return rows
 
 
 def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:

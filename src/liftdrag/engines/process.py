@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from liftdrag import lock
 from liftdrag.errors import RunFailed
 
 POLL_S = 0.2
@@ -58,6 +59,7 @@ def start(
                 stderr=subprocess.STDOUT,
                 start_new_session=own_group,
                 close_fds=own_group,
+                pass_fds=lock.descriptors() if own_group else (),
                 preexec_fn=_end_with_parent,
             )
     except OSError as error:

@@ -20,6 +20,7 @@ from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LAMMPS_2023, LIGGGHTS, Di
 from liftdrag.engines import meeting, mpi
 from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.family import Family
+from liftdrag.engines.watchdog import FOREVER, Limits
 from liftdrag.errors import InputError
 
 _LAMMPS = re.compile(r"Massively Parallel Simulator - (\d+ \w+ \d+)(?: - (Update \d+))?")
@@ -167,10 +168,11 @@ class Program(Family):
         progress: Progress,
         alone: bool = False,
         enough: Enough | None = None,
+        limits: Limits = FOREVER,
     ) -> Outcome:
         """As the family does; the ranks' meeting place is tidied up."""
         try:
-            return super().run(plan, folder, progress, alone, enough)
+            return super().run(plan, folder, progress, alone, enough, limits)
         finally:
             if not alone and self.world().size > 1:
                 meeting.end()

@@ -48,6 +48,15 @@ DEEPEST = 0.5
 
 MAX_STEPS = 2_000_000_000
 
+RESTART_S = 60.0
+"""Seconds of a run between two restart files, where these are written fast."""
+
+RESTART_SHARE = 0.01
+"""Of the time of a run, at most this is spent on writing restart files."""
+
+RESTART_SPEED = 100_000.0
+"""Grains whose state is written in a second: 0.4 kB each, to a slow disk."""
+
 SPEED_HINT = 4e6
 """Grain-steps per second of one core, for the estimate of the cost."""
 
@@ -71,6 +80,7 @@ class TankNumerics(Numerics):
     trajectory_every: Value[int]
     progress_every: Value[int]
     look_every: Value[int]
+    restart_every: Value[int]
     skin: Value[float]
     sort_every: Value[int]
     processors: Value[tuple[int, int, int]]
@@ -114,6 +124,7 @@ def derive(scene: TankScene, ranks: int = 1, settled: bool = False) -> TankNumer
             max(drive.value // 200, 1), "steps", "the log shows progress 200 times a run"
         ),
         look_every=Value(50, "steps", "a settling bed is looked at often enough to end early"),
+        restart_every=_restart_every(scene, row.value, ranks),
         skin=_skin(scene),
         sort_every=Value(1000, "steps", "a bed moves as a block: its order in memory lasts"),
         processors=grid,
@@ -296,6 +307,21 @@ def _trajectory_every(scene: TankScene, dt: float) -> Value[int]:
     return Value(max(round(steps), 1), "steps", "with --dump, a frame every 1/5 D to look at")
 
 
+def _restart_every(scene: TankScene, row: int, ranks: int) -> Value[int]:
+    chosen = scene.numerics.restart_every
+    if chosen is not None:
+        return Value(row * ceil(chosen / row), "steps", "set by hand, in whole rows")
+    grains = _grains(scene)
+    writing = grains / RESTART_SPEED
+    apart = max(RESTART_S, writing / RESTART_SHARE)
+    steps = apart * SPEED_HINT * ranks / grains
+    return Value(
+        row * max(round(steps / row), 1),
+        "steps",
+        f"a restart file every {apart:.0f} s or so: writing takes {writing / apart:.1%} of a run",
+    )
+
+
 def _skin(scene: TankScene) -> Value[float]:
     chosen = scene.numerics.skin
     if chosen is not None:
@@ -357,9 +383,14 @@ def _grip(scene: TankScene) -> Value[float]:
 
 
 def _grain_steps(scene: TankScene, steps: int) -> Value[float]:
+    return Value(_grains(scene) * steps, "1", "grains times steps")
+
+
+def _grains(scene: TankScene) -> float:
+    """Grains of the bed and of the driven layers."""
     layers = 1 if scene.lid is None else 2
     driven = layers * scene.tank.length * scene.tank.thickness / scene.grains.diameter**2
-    return Value((scene.grain_count + driven) * steps, "1", "grains times steps")
+    return scene.grain_count + driven
 
 
 def _warnings(

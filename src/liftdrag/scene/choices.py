@@ -16,5 +16,6 @@ class Choices(Part):
     time_step: Time | None = None
     skin: Length | None = None
     sample_every: Annotated[int, Field(ge=1, le=1000)] | None = None
+    restart_every: Annotated[int, Field(ge=1, le=2_000_000_000)] | None = None
     settle_time: Time | None = None
     pair_law: Literal["granular", "hertz/history"] = "granular"

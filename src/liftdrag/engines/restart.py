@@ -1,0 +1,195 @@
+"""Where a run of LAMMPS that was cut short goes on: its restart files, and what came after them."""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from typing import BinaryIO
+
+from liftdrag.deck import Plan
+from liftdrag.deck.restart import STAGES, read, written
+
+MARK = b"LammpS RestartT\0"
+"""How a restart file begins and, when it is whole, ends."""
+
+ANSWERED_FROM = ("surface.dump", "snapshots.dump")
+DUMPS = (*ANSWERED_FROM, "trajectory.dump")
+
+_HEAD = 8
+"""Lines of a frame's head below its first."""
+
+_NTIMESTEP, _TEXTS = 5, (0, 4)
+_FRAME = re.compile(rb"^ITEM: TIMESTEP\n(\d+)\n|^I[A-Z: ]*(?:\n\d*)?\Z", re.MULTILINE)
+"""The head of a frame with its step, or one that was cut short without."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A whole restart `file` of a stage, written at `step`."""
+
+    stage: str
+    step: int
+    file: Path
+
+
+def latest(plan: Plan, folder: Path) -> Point | None:
+    """The last point that a run can go on from: whole, and with all rows until there."""
+    for stage in STAGES:
+        names = (*written(stage), read(stage))
+        files = [(step_of(folder / name), folder / name) for name in names]
+        points = [Point(stage, step, file) for step, file in files if step is not None]
+        for point in sorted(points, key=lambda point: -point.step):
+            if stage != "drive" or _reached(plan, folder, point.step):
+                return point
+    return None
+
+
+def step_of(file: Path) -> int | None:
+    """The step of a restart file; None when it is not whole, or is none."""
+    try:
+        with file.open("rb") as opened:
+            opened.seek(-len(MARK), os.SEEK_END)
+            if opened.read() != MARK:
+                return None
+            opened.seek(0)
+            return _header_step(opened)
+    except (OSError, struct.error):
+        return None
+
+
+def _header_step(file: BinaryIO) -> int | None:
+    """The step that the header tells, among numbers and texts, each after its flag."""
+    if file.read(len(MARK)) != MARK:
+        return None
+    file.seek(8, os.SEEK_CUR)
+    for _ in range(_NTIMESTEP + 2):
+        flag, number = struct.unpack("=ii", file.read(8))
+        if flag == _NTIMESTEP:
+            return int(*struct.unpack("=q", struct.pack("=i", number) + file.read(4)))
+        if flag in _TEXTS:
+            file.seek(number, os.SEEK_CUR)
+    return None
+
+
+def _reached(plan: Plan, folder: Path, step: int) -> bool:
+    """Whether the series have their rows up to a step, and the dumps whole frames before it."""
+    rows = all(max(_rows(folder, name), default=-1) >= step for name in plan.series)
+    return rows and all(_is_whole(folder / name, step) for name in ANSWERED_FROM)
+
+
+def _is_whole(file: Path, step: int) -> bool:
+    """Whether the frames before a step hold as many lines as they say."""
+    if not file.exists() or not file.stat().st_size:
+        return True
+    with file.open("rb") as opened, mmap(opened.fileno(), 0, access=ACCESS_READ) as content:
+        frames = content[: _end(content, step)].split(b"ITEM: TIMESTEP\n")[1:]
+    return all(_has_its_lines(frame) for frame in frames)
+
+
+def _has_its_lines(frame: bytes) -> bool:
+    lines = frame.splitlines(keepends=True)
+    counted = len(lines) > _HEAD and lines[2].strip().isdigit() and lines[-1].endswith(b"\n")
+    return counted and len(lines) == _HEAD + int(lines[2])
+
+
+def take_back(point: Point, plan: Plan, folder: Path, log: str) -> None:
+    """Leave in the folder what was there at the point; the log is kept under another name.
+
+    It may be interrupted and done again. Raises OSError.
+    """
+    copy = folder / read(point.stage)
+    if point.file != copy:
+        _replace(copy, point.file.read_bytes())
+    if point.stage == "drive":
+        for name in plan.series:
+            _keep_rows(folder, name, point.step)
+        for name in DUMPS:
+            _cut(folder / name, point.step)
+    if (folder / log).exists():
+        (folder / log).replace(_free(folder, log))
+
+
+def join(plan: Plan, folder: Path) -> None:
+    """Put the rows of a series that were kept before those that were written since."""
+    for name in plan.series:
+        if before(folder, name).exists():
+            _replace(folder / name, _text(folder, name, _rows(folder, name)))
+            before(folder, name).unlink()
+
+
+def before(folder: Path, name: str) -> Path:
+    """The rows of a series from before the run went on."""
+    return folder / f"{name}.before"
+
+
+def parts(folder: Path, name: str) -> Iterator[Path]:
+    """The files that the rows of a series are in, the earlier first."""
+    if before(folder, name).exists():
+        yield before(folder, name)
+    yield folder / name
+
+
+def _keep_rows(folder: Path, name: str, step: int) -> None:
+    rows = {key: row for key, row in _rows(folder, name).items() if key <= step}
+    _replace(before(folder, name), _text(folder, name, rows))
+    (folder / name).unlink(missing_ok=True)
+
+
+def _text(folder: Path, name: str, rows: dict[int, bytes]) -> bytes:
+    lines = dict.fromkeys(line for line in _lines(folder, name) if line.startswith(b"#"))
+    return b"".join([*lines, *(rows[key] for key in sorted(rows))])
+
+
+def _rows(folder: Path, name: str) -> dict[int, bytes]:
+    """The whole rows of a series by their steps; of two with the same step the later."""
+    return {
+        int(line.split()[0]): line
+        for line in _lines(folder, name)
+        if line.endswith(b"\n") and line.split()[:1] and line.split()[0].isdigit()
+    }
+
+
+def _lines(folder: Path, name: str) -> Iterator[bytes]:
+    for file in parts(folder, name):
+        if file.exists():
+            yield from file.read_bytes().splitlines(keepends=True)
+
+
+def _cut(file: Path, step: int) -> None:
+    """Cut a dump before the first frame at the step or later: that one is written again."""
+    if not file.exists() or not file.stat().st_size:
+        return
+    with file.open("r+b") as opened:
+        with mmap(opened.fileno(), 0, access=ACCESS_READ) as content:
+            end = _end(content, step)
+        opened.truncate(end)
+
+
+def _end(content: mmap, step: int) -> int:
+    """Where the frames before a step end."""
+    for match in _FRAME.finditer(content):
+        if int(match[1] or step) >= step:
+            return match.start()
+    return len(content)
+
+
+def _replace(file: Path, content: bytes) -> None:
+    beside = file.with_name(f"{file.name}.part")
+    with beside.open("wb") as opened:
+        opened.write(content)
+        opened.flush()
+        os.fsync(opened.fileno())
+    beside.replace(file)
+
+
+def _free(folder: Path, name: str) -> Path:
+    """A name for what a file was until now: log.lammps.1, log.lammps.2."""
+    number = 1
+    while (folder / f"{name}.{number}").exists():
+        number += 1
+    return folder / f"{name}.{number}"

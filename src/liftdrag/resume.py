@@ -1,0 +1,160 @@
+"""Go on with a run that was cut short, to the same last step."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from liftdrag import ensemble
+from liftdrag.case import Case
+from liftdrag.deck.restart import deck_of
+from liftdrag.engines import restart
+from liftdrag.engines.base import Engine, Enough, Progress, silent
+from liftdrag.engines.family import Family
+from liftdrag.errors import InputError
+from liftdrag.execution import carried_out, resumable
+from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
+from liftdrag.lock import held
+from liftdrag.result import Result, budgeted
+from liftdrag.runner import analyze, engine_for, enough_for, run
+from liftdrag.scene import Drag2DScene, TankScene
+
+_log = logging.getLogger("liftdrag")
+
+
+def resume(
+    case: Case | None,
+    out: str | Path | None,
+    engine: str | None = None,
+    ranks: int | None = None,
+    progress: Progress = silent,
+    engine_path: str | Path | None = None,
+    timeout_s: float | None = None,
+) -> Result:
+    """Go on with the run in the folder `out`, of `case` where that is given.
+
+    A run that has finished is only read again, one that never began is started. LAMMPS goes on
+    from the last whole restart file, or anew where there is none yet; an ensemble with the
+    packings that have not finished. Raises InputError where the run is another or cannot go on,
+    RunFailed when it does not finish.
+    """
+    if out is None:
+        raise InputError("--resume needs --out, the folder of the run to go on with.")
+    folder = Path(out)
+    if not (folder / RECORD).exists():
+        if case is None:
+            raise InputError(f"{folder} holds no run; name the case to start there.")
+        return run(
+            case,
+            folder,
+            engine,
+            ranks,
+            progress=progress,
+            engine_path=engine_path,
+            timeout_s=timeout_s,
+        )
+    record = Record.read(folder)
+    of = Case(record.case, record.tables)
+    chosen = engine_for(of, record.engine, engine_path)
+    if chosen.world().rank > 0:
+        chosen.join()
+    with ExitStack() as own:
+        try:
+            own.enter_context(held(folder))
+            _check_same(case, engine, ranks, record, folder)
+            if _status(folder) == "finished":
+                chosen.release()
+                return analyze(folder)
+            going = _going_on(record, chosen, folder)
+        except BaseException:
+            chosen.release()
+            raise
+        if isinstance(of.scene, Drag2DScene):
+            found = ensemble.resumed(of, chosen, folder, record, ranks, progress, timeout_s)
+            return budgeted(found, of, None)
+        carried_out(chosen, going, folder, progress, _enough(of, going, chosen, folder), timeout_s)
+        return analyze(folder)
+
+
+def _enough(case: Case, record: Record, engine: Engine, folder: Path) -> Enough | None:
+    scene = case.scene
+    return enough_for(scene, engine, record, folder) if isinstance(scene, TankScene) else None
+
+
+def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
+    """The record of a run that starts from its last point; the folder is as it was there.
+
+    Raises InputError when it cannot go on.
+    """
+    if not resumable(record):
+        raise InputError(
+            f"A {record.tables['scene']} on the engine {record.engine} cannot be gone on with; "
+            f"remove {folder} and run again."
+        )
+    _check_engine(record, engine, folder)
+    if not isinstance(engine, Family) or record.tables["scene"] == "drag2d":
+        return record
+    plan, point = record.plan, restart.latest(record.plan, folder)
+    if point is None:
+        _log.info("There is no restart file yet: from the beginning.")
+        return record
+    with writing(folder):
+        restart.take_back(point, plan, folder, engine.log)
+    _log.info("From step %d of the stage %s.", point.step, point.stage)
+    made = record.provenance
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    made["resumed"] = [
+        *made.get("resumed", []),
+        {"stage": point.stage, "step": point.step, "at": now},
+    ]
+    record.write(folder)
+    return replace(record, plan=replace(plan, start=deck_of(point.stage)))
+
+
+def _check_engine(record: Record, engine: Engine, folder: Path) -> None:
+    """Raise InputError when the engine is not what the run began with."""
+    began, version = record.provenance.get("engine", {}).get("version"), engine.about().version
+    if began not in (None, version):
+        raise InputError(
+            f"The run in {folder} began with {engine.name} {began}, and this is {version}; name "
+            f"the other with --engine-path, or remove {folder} and run again."
+        )
+
+
+def _status(folder: Path) -> str:
+    return str(read_json(folder / RESULT).get("status")) if (folder / RESULT).exists() else ""
+
+
+def _check_same(
+    case: Case | None, engine: str | None, ranks: int | None, record: Record, folder: Path
+) -> None:
+    """Raise InputError where the run in the folder is of another case, engine or deck."""
+    if case is not None and _plain(case.tables) != record.tables:
+        raise InputError(
+            f"The run in {folder} is of another case than {case.name}; choose another --out."
+        )
+    if engine not in (None, record.engine):
+        raise InputError(
+            f"The run in {folder} is of the engine {record.engine}; leave out --engine."
+        )
+    if ranks not in (None, record.plan.ranks) and record.tables["scene"] != "drag2d":
+        raise InputError(
+            f"The run in {folder} is on --ranks {record.plan.ranks}; leave out --ranks."
+        )
+    changed = [] if record.tables["scene"] == "drag2d" else record.changed(folder)
+    if changed:
+        raise InputError(
+            f"In {folder}, {', '.join(changed)} is not the file that was written for the run; "
+            f"remove {folder} and run again."
+        )
+
+
+def _plain(tables: Mapping[str, Any]) -> Any:
+    """The tables of a case as a record holds them."""
+    return json.loads(json.dumps(tables))
