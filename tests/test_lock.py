@@ -8,11 +8,13 @@ import os
 import subprocess
 import sys
 import time
+from math import inf
 from pathlib import Path
 
 import pytest
 from conftest import tiny_tank
 
+from liftdrag.cost import disk
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import claimed, fresh, write_json
 from liftdrag.lock import LOCK, held
@@ -20,6 +22,7 @@ from liftdrag.runner import run
 
 HOLD = """
 import subprocess, sys, time
+from math import inf
 from pathlib import Path
 from liftdrag import lock
 from liftdrag.engines import process
@@ -123,8 +126,9 @@ def test_what_is_written_and_its_name_are_on_the_disk(tmp_path, monkeypatch):
     assert synced == ["result.part", tmp_path.name]
 
 
-def test_a_full_disk_is_one_sentence_of_status_disk_full(small_disk):
-    """A megabyte for the deck of a tank, of which half is taken."""
+def test_a_full_disk_is_one_sentence_of_status_disk_full(small_disk, monkeypatch):
+    """A megabyte that others fill once the run was let begin."""
+    monkeypatch.setattr(disk, "free", lambda _place: inf)
     (small_disk / "other").write_bytes(bytes(1_000_000))
     with pytest.raises(RunFailed) as caught:
         run(tiny_tank(), small_disk / "out")

@@ -155,7 +155,8 @@ def _is_formed(words: Sequence[str]) -> bool:
 
 def _is_at_home(words: Sequence[str], rules: Rules) -> bool:
     """Whether a command reads and writes no files but the deck's."""
-    places = [k + 1 for k, word in enumerate(words) if _bare(word) in FILE_WORDS]
+    named = FILE_WORDS - {"append"} if words[0] == "dump_modify" else FILE_WORDS
+    places = [k + 1 for k, word in enumerate(words) if _bare(word) in named]
     if words[0] in FILE_AT:
         places.append(FILE_AT[words[0]])
     return all(place < len(words) and words[place] in rules.files for place in places)
