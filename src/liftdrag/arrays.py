@@ -13,7 +13,7 @@ from liftdrag.files import check_ordinary
 MOST_BYTES = 2_000_000_000
 """The largest file, unpacked."""
 
-_DAMAGE = (LookupError, TypeError, EOFError, BadZipFile, NotImplementedError, zlib.error)
+_DAMAGE = (LookupError, TypeError, EOFError, BadZipFile, RuntimeError, zlib.error)
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
