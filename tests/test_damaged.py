@@ -16,7 +16,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from liftdrag import beds, runner
+from liftdrag import arrays, beds, runner
+from liftdrag.arrays import read_arrays
 from liftdrag.deck.tank import Bed
 from liftdrag.engines.checks import LOOP
 from liftdrag.engines.family import read_dump
@@ -179,6 +180,31 @@ def test_damaged_json_is_one_sentence(text: str, tmp_path: Path):
     (tmp_path / RESULT).write_text(text, "utf-8", "surrogateescape")
     with pytest.raises(InputError, match=r"result\.json is damaged; run the case again\.$"):
         read_json(tmp_path / RESULT)
+
+
+@given(st.integers(0, 10_000), st.integers(0, 7), st.booleans())
+@settings(max_examples=200, deadline=None)
+def test_arrays_with_a_bit_changed_or_cut_are_refused_or_the_same(tmp_path_factory, at, bit, cut):
+    path = tmp_path_factory.mktemp("arrays") / "x.npz"
+    np.savez(path, allow_pickle=False, a=np.arange(5.0), b=np.eye(2))
+    whole = bytearray(path.read_bytes())
+    at %= len(whole)
+    whole[at] ^= 1 << bit
+    path.write_bytes(whole[:at] if cut else whole)
+    with contextlib.suppress(ValueError, OSError):
+        found = read_arrays(path)
+        kept = {name: values.ravel().tolist() for name, values in found.items()}
+        own = {"a": [0, 1, 2, 3, 4], "b": [1, 0, 0, 1]}
+        assert all(values == own.get(name, values) for name, values in kept.items())
+
+
+def test_arrays_that_would_fill_the_memory_are_refused(tmp_path: Path):
+    np.savez_compressed(tmp_path / "x.npz", a=np.zeros(1000))
+    assert read_arrays(tmp_path / "x.npz")["a"].size == 1000
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arrays, "MOST_BYTES", 1000)
+        with pytest.raises(ValueError, match="unpacks to more than 1000 bytes"):
+            read_arrays(tmp_path / "x.npz")
 
 
 def test_bed_that_was_kept_is_whole_or_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -28,6 +28,9 @@ from liftdrag.deck import bodies, column, planar, tank
 from liftdrag.deck import drag2d as deck2d
 from liftdrag.deck.commands import ANY, DECKS, check_commands
 from liftdrag.deck.dialect import DIALECTS, Contact, Dialect
+from liftdrag.engines import engine
+from liftdrag.engines.base import silent
+from liftdrag.engines.family import read_dump
 from liftdrag.errors import CaseError, InputError
 from liftdrag.folder import fresh
 from liftdrag.numerics import JanssenNumerics, derive
@@ -446,6 +449,17 @@ def bodies_text(wall: bodies.Wall | None, dialect: Dialect) -> str:
     contact, one = Contact(1e7, 0.3, 0.5, 0.2, 1e-3, 2e-3), np.zeros((1, 3))
     few = bodies.Bodies(2500.0, one, one, one, wall, 9.81)
     return bodies.build(contact, few, bodies.Steps(1e-6, 10), dialect).texts["in.bodies"]
+
+
+@pytest.mark.parametrize("name", ["lammps", "lmp", "liggghts"])
+def test_engine_runs_in_a_folder_of_any_name(name: str, tmp_path: Path):
+    chosen, folder = engine(name), tmp_path / "a b é ' \" $(x) & # ; \udcff"
+    still = bodies.Bodies(2500.0, np.eye(3)[:2], np.zeros((2, 3)), np.zeros((2, 3)))
+    contact = Contact(1e7, 0.3, 0.5, 0.2, 1e-3)
+    deck = bodies.build(contact, still, bodies.Steps(1e-6, 10), chosen.dialect)
+    deck.write(folder)
+    assert chosen.run(deck.plan, folder, silent, alone=True).status == "finished"
+    assert [step for step, _ in read_dump(folder / bodies.MOTION)] == list(range(11))
 
 
 def every_deck() -> Iterator[tuple[str, str]]:

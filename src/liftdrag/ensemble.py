@@ -15,7 +15,6 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -467,7 +466,7 @@ def _packing(folder: Path, record: Record, number: int) -> Packing:
         series = engine_called(record.engine).series(record.plan, place)
         _check_complete(series, record)
         frames = list(_centres(place, record))
-    except (OSError, ValueError, LookupError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, LookupError) as error:
         raise InputError(
             f"The files in {place} are damaged ({error}); run the case again."
         ) from error

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 from liftdrag.analysis.invariants import check_sound, column_invariants, watched
 from liftdrag.analysis.janssen import (
@@ -204,7 +203,7 @@ def _read(folder: Path, scene: JanssenScene, record: Record) -> tuple[Series, Ja
         return series, answers(scene, series, profiles, fills)
     except InputError:
         raise
-    except (OSError, ValueError, LookupError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, LookupError) as error:
         raise InputError(
             f"The files in {folder} are damaged ({error}); run the case again."
         ) from error

@@ -21,7 +21,7 @@ from liftdrag.files import read_bytes
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_BYTES = 1_000_000_000
+MOST_BYTES = 300_000_000
 """The largest table."""
 
 FORMS = ("auto", "ave-time", "thermo", "print", "csv")

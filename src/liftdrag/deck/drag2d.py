@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from io import BytesIO
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import Any
 
 import numpy as np
 
+from liftdrag.arrays import read_arrays
 from liftdrag.deck import planar
 from liftdrag.deck.dialect import IN_HOUSE, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
@@ -116,12 +117,11 @@ def bed_file(bed: Bed) -> bytes:
 def read_bed(folder: Path) -> Bed:
     """The packing of a deck's folder. Raises InputError when it is missing or damaged."""
     try:
-        with np.load(folder / BED, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays: dict[str, Any] = read_arrays(folder / BED)
         contact, walls = str(arrays.pop("contact")), arrays.pop("walls")
         left, right, bottom, top = map(float, walls)
         return Bed(**arrays, contact=contact, walls=(left, right, bottom, top))
-    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise InputError(
             f"{folder / BED} is no packing of liftdrag ({error}); write the deck again."
         ) from None

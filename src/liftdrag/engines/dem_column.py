@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
-from zipfile import BadZipFile
 
 import numpy as np
 from pydantic import Field
 
 from liftdrag import dem
+from liftdrag.arrays import read_arrays
 from liftdrag.deck.janssen import CHANNELS, FORCES, GRAINS, START
 from liftdrag.dem import (
     Column,
@@ -29,8 +29,9 @@ from liftdrag.dem import (
 )
 from liftdrag.engines.base import Enough, Progress
 from liftdrag.engines.fills import Fill, write_fills
-from liftdrag.engines.samples import Ran, write_samples
+from liftdrag.engines.samples import MOST_BYTES, Ran, write_samples
 from liftdrag.errors import InputError
+from liftdrag.files import read_bytes
 from liftdrag.profile import SLIDING, Profile
 from liftdrag.scene.model import Part
 from liftdrag.series import Series
@@ -115,11 +116,13 @@ class ColumnDeck:
 
 def read(folder: Path) -> ColumnDeck:
     """The deck of a folder. Raises OSError, ValueError or InputError when it is damaged."""
-    numbers = _Numbers.model_validate(tomllib.loads((folder / START).read_text("utf-8")))
+    numbers = _Numbers.model_validate(
+        tomllib.loads(read_bytes(folder / START, MOST_BYTES).decode())
+    )
     try:
-        with np.load(folder / GRAINS, allow_pickle=False) as file:
-            deck = ColumnDeck(_centres(file["grains"]), _centres(file["lid"]), numbers)
-    except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile) as error:
+        arrays = read_arrays(folder / GRAINS)
+        deck = ColumnDeck(_centres(arrays["grains"]), _centres(arrays["lid"]), numbers)
+    except (OSError, ValueError, LookupError) as error:
         raise InputError(
             f"{folder / GRAINS} holds no column of liftdrag ({error}); write the deck again."
         ) from None
@@ -370,8 +373,7 @@ def _write_profiles(folder: Path, profiles: list[Profile]) -> None:
 
 def profiles(folder: Path) -> Iterator[Profile]:
     """The profiles of the averaged blocks, in order of time."""
-    with np.load(folder / PROFILES) as file:
-        arrays = {name: file[name] for name in file.files}
+    arrays = read_arrays(folder / PROFILES)
     for k, moment in enumerate(arrays["time"]):
         sums = {name: arrays[name][k] for name in _SUMS}
         yield Profile(time=float(moment), height=arrays["height"], **sums)

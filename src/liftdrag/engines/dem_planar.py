@@ -12,10 +12,12 @@ import numpy as np
 from pydantic import Field
 
 from liftdrag import dem
+from liftdrag.arrays import read_arrays
 from liftdrag.deck.drag2d import CHANNELS, NUMBERS, read_bed
 from liftdrag.dem import Advanced, Bed, advance, hertz_mindlin
 from liftdrag.engines.base import Progress
-from liftdrag.engines.samples import Ran, write_samples
+from liftdrag.engines.samples import MOST_BYTES, Ran, write_samples
+from liftdrag.files import read_bytes
 from liftdrag.scene.model import Part
 from liftdrag.snapshot import Snapshot
 
@@ -65,7 +67,9 @@ class PlanarDeck:
 
 def read(folder: Path) -> PlanarDeck:
     """The deck of a folder. Raises OSError, ValueError or InputError when it is damaged."""
-    numbers = _Numbers.model_validate(tomllib.loads((folder / NUMBERS).read_text("utf-8")))
+    numbers = _Numbers.model_validate(
+        tomllib.loads(read_bytes(folder / NUMBERS, MOST_BYTES).decode())
+    )
     return PlanarDeck(read_bed(folder), numbers.contact, numbers.run)
 
 
@@ -104,8 +108,7 @@ def snapshots(folder: Path) -> Iterator[Snapshot]:
     """The parts of the bed, the first before the drive; the cylinder is of kind 2."""
     bed = read_bed(folder)
     kind = np.where(bed.body == len(bed.mass) - 1, 2, 1)
-    with np.load(folder / FRAMES) as file:
-        frames = {name: file[name] for name in file.files}
+    frames = read_arrays(folder / FRAMES)
     for k, moment in enumerate(frames["time"]):
         now = replace(bed, position=frames["position"][k], angle=frames["angle"][k])
         velocity = frames["velocity"][k][bed.body]

@@ -12,6 +12,9 @@ from liftdrag import dem
 from liftdrag.series import Series
 from liftdrag.tables import column, read_table
 
+MOST_BYTES = 1_000_000
+"""The largest table of numbers of a deck."""
+
 
 @dataclass(frozen=True)
 class Ran:
