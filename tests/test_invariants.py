@@ -71,6 +71,19 @@ def test_overlap_in_a_tank_is_that_of_a_naive_loop(clear: bool):
     assert deepest_in_tank(scene, found) == pytest.approx(max(depths), rel=1e-9)
 
 
+@pytest.mark.parametrize("place", [(-0.2, 0.0), (0.0, -0.2), (-0.1, -0.1)])
+def test_overlap_in_a_tank_is_seen_across_its_periodic_sides(place: tuple[float, float]):
+    """Of a grain at the corner and of one a little beyond the sides, or back inside them."""
+    scene = tiny_tank().scene
+    d, box = scene.grains.diameter, scene.tank
+    beyond = np.array([*place, 0.0]) * d
+    for i, j in product((0, 1), repeat=2):
+        other = beyond + np.array([i * box.length, j * box.thickness, 0.0])
+        pair = np.array([[0.0, 0.0, 0.0], other])
+        found = deepest_in_tank(scene, Snapshot(0.0, np.ones(2), pair, 0.0 * pair))
+        assert found == pytest.approx(d * (1.0 - hypot(*place)))
+
+
 def as_seen(bed: Bed) -> Snapshot:
     still = np.zeros((len(bed.place), 3))
     place = np.column_stack([bed.place, still[:, 0]])

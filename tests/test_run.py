@@ -190,6 +190,8 @@ def test_results_are_reached_by_the_documented_words(tmp_path):
     assert list(result.series.to_pandas()) == [
         "drag (N)",
         "lift (N)",
+        "floor_drag (N)",
+        "floor_lift (N)",
         "bed_speed (m/s)",
         "solid_fraction (1)",
         "overburden (Pa)",

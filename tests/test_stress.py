@@ -149,7 +149,7 @@ class TestMargin:
         margin = stressed(*ends).margin
         assert (margin.largest, margin.breaks) == pytest.approx((0.3, 0.45))
         assert margin.times == pytest.approx(0.3 / margin.own)
-        assert "0.45 breaks (not finite)" in str(margin)
+        assert "the next that was run, 0.45, breaks (not finite)" in str(margin)
 
     def test_refused_step_is_no_break(self):
         margin = stressed((0.3, "finished"), refused=0.5).margin
@@ -164,12 +164,12 @@ def test_case_comes_first_then_its_seeds_then_the_cheapest():
     ]
     runs: list[Run] = []
     order = []
-    while (task := next_task(State(tuple(points), tuple(runs), (), {}, 3.0), 2)) is not None:
+    while (task := next_task(State(tuple(points), tuple(runs), (), {}, 3.0))) is not None:
         order.append((task.point.name, task.replica))
         runs.append(run_of(task.point.key, 1.0, 0.1, replica=task.replica))
-    assert order == [("", 1), ("", 2), ("cheap", 1), ("mid", 1)]
+    assert order == [("", 1), ("", 2), ("", 3), ("cheap", 1), ("mid", 1)]
     pending = (Task(points[0], 1),)
-    assert next_task(State(tuple(points), (), pending, {}, 3.0), 2) is None
+    assert next_task(State(tuple(points), (), pending, {}, 3.0)) is None
 
 
 def invoke(*words: str) -> Any:

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from liftdrag.bench.axes import wanted
@@ -27,7 +26,7 @@ from liftdrag.stress.stressed import Stressed
 from liftdrag.stress.written import begun, write
 
 RUNS = 3
-"""Runs of the case itself, which differ in their seed; one where the seeds are not asked for."""
+"""Runs of the case itself, which differ in their seed: their scatter is in every error."""
 
 UNFINISHED = ("killed", "disk_full", "unknown")
 """Ends of a run that say nothing of its case."""
@@ -57,11 +56,9 @@ def stress(
     halted, runs = threading.Event(), list(state.runs)
     for line in found.bounds.lines():
         tell(line)
-    seeds = RUNS if SEEDS in (axes or [SEEDS]) else 1
-    choose = partial(next_task, seeds=seeds)
     work = working(found.stand, halted)
     try:
-        ended = spent(state, work, jobs or cores(), halted, choose=choose)
+        ended = spent(state, work, jobs or cores(), halted, choose=next_task)
         with own_beds(), closing(ended):
             for one in ended:
                 runs.append(one)
@@ -106,14 +103,14 @@ def _planned(
     return Stressed(case, short, stand, known, (), refused), state
 
 
-def next_task(state: State, seeds: int) -> Task | None:
+def next_task(state: State) -> Task | None:
     """The case itself, so many times, then the others, the cheapest first."""
     case = state.points[0]
     if state.started(case) < 1:
         return Task(case, 1)
     if CASE not in finished(state.runs):
         return None
-    again = [case] if state.started(case) < seeds else []
+    again = [case] if state.started(case) < RUNS else []
     for point in (*again, *_unseen(state)):
         if state.affords(point):
             return Task(point, state.started(point) + 1)

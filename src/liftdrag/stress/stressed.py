@@ -37,7 +37,8 @@ class Margin:
         held = f"The time step holds {self.times:.2g} times the case's own, {self.own:.3g}"
         if self.breaks is None:
             return f"{held}: nothing that was begun broke, up to {self.largest:.3g}."
-        return f"{held}: {self.largest:.3g} does, {self.breaks:.3g} breaks ({self.cause})."
+        following = f"the next that was run, {self.breaks:.3g}, breaks"
+        return f"{held}: {self.largest:.3g} does, {following} ({self.cause})."
 
 
 @dataclass(frozen=True)
