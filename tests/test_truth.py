@@ -116,7 +116,7 @@ def test_what_a_broken_run_left_says_why(name, tmp_path):
         (lambda text: text.replace("50 0.5", "50 nan"), "not_finite", "not finite"),
         (lambda text: text.replace("50 0.5", "50 inf"), "not_finite", "not finite"),
         (lambda text: text.replace("50 0.5", "50 0.5.5"), "engine_error", "line 7"),
-        (lambda _text: "", "engine_error", "empty"),
+        (lambda _: "", "engine_error", "empty"),
     ],
 )
 def test_a_run_has_finished_with_a_whole_and_finite_series_alone(damage, status, words, tmp_path):

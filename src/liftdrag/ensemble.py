@@ -397,7 +397,7 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
     folder = packing_folder(task.folder, number)
     if not task.folder.is_dir():
         raise RunFailed("engine_error", f"the folder {task.folder} vanished during the run")
-    if (before := _finished(folder)) is not None:
+    if (before := _finished(task, number)) is not None:
         return before
     made = task.first if number == 0 else None
     deck, packing_s = made or _made(task.case, task.scene, number, task.engine.dialect)
@@ -410,13 +410,18 @@ def _run_one(task: _Task, number: int, halted: threading.Event) -> Outcome:
     return outcome if outcome.status == "finished" else named
 
 
-def _finished(folder: Path) -> Outcome | None:
-    """The outcome of a packing that had finished before, its deck as it was written."""
+def _finished(task: _Task, number: int) -> Outcome | None:
+    """The outcome of a packing that had finished before: whole, and its deck as it was written."""
+    folder = packing_folder(task.folder, number)
     if not (folder / OUTCOME).exists():
         return None
     ended = read_json(folder / OUTCOME)
     files = ended.pop("deck_files", None)
     if ended.get("status") != "finished" or not files or changed(folder, files):
+        return None
+    try:
+        _packing(task.folder, Record.read(task.folder), number)
+    except InputError:
         return None
     return Outcome(**ended | {"path": Path(ended["path"])})
 

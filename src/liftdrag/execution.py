@@ -120,7 +120,8 @@ def _timed(
 ) -> tuple[Outcome, float]:
     start = time.monotonic()
     try:
-        outcome = engine.run(record.plan, folder, progress, enough=enough, limits=bounds)
+        with writing(folder):
+            outcome = engine.run(record.plan, folder, progress, enough=enough, limits=bounds)
     except KeyboardInterrupt:
         failure = RunFailed("killed", f"The run in {folder} was interrupted.")
     except RunFailed as error:
@@ -142,5 +143,6 @@ def how_on(record: Record, folder: Path, status: str) -> str:
 
 def resumable(record: Record) -> bool:
     """Whether a run that was cut short can go on."""
+    engines = {"tank": ("lammps", "lmp"), "janssen": ("dem",)}
     scene = record.tables["scene"]
-    return scene == "drag2d" or (scene == "tank" and record.engine != "liggghts")
+    return scene == "drag2d" or record.engine in engines[scene]

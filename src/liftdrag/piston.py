@@ -25,7 +25,7 @@ from liftdrag.deck.dialect import IN_HOUSE, Dialect
 from liftdrag.deck.janssen import build, check_contact
 from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
-from liftdrag.engines.base import Engine, Progress, silent
+from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.fills import read_fills
 from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
@@ -133,15 +133,33 @@ def _run(
     except BaseException:
         engine.release()
         raise
-    enough = FillStopping(scene_of(case)) if deck.plan.stoppable else None
+    outcome, found_all = gone_through(case, engine, record, folder, progress, timeout_s)
+    expected.compare(outcome, _work(Record.read(folder), outcome.grains))
+    return found_all
+
+
+def gone_through(
+    case: Case,
+    engine: Engine,
+    record: Record,
+    folder: Path,
+    progress: Progress = silent,
+    timeout_s: float | None = None,
+) -> tuple[Outcome, Result]:
+    """The run of a deck in its folder, or the rest of it, and its answers."""
+    enough = FillStopping(scene_of(case)) if record.plan.stoppable else None
     outcome, result = carried_out(engine, record, folder, progress, enough, timeout_s)
     record = _as_it_was(record, folder)
+    whole = outcome.grains * record.plan.fills[-1][-1]
+    result["grain_steps_per_s"] *= _work(record, outcome.grains) / whole
+    return outcome, answered(folder, scene_of(case), record, result)
+
+
+def _work(record: Record, grains: int) -> float:
+    """Grains times steps of a column of so many `grains` at its last fill, with the lid's."""
     fills = record.plan.fills
-    lid = result["grains"] - fills[-1][0]
-    work = sum((fill[0] + lid) * (fill[3] - fill[1]) for fill in fills)
-    result["grain_steps_per_s"] *= work / (result["grains"] * result["steps"])
-    expected.compare(outcome, float(work))
-    return answered(folder, scene_of(case), record, result)
+    lid = grains - fills[-1][0]
+    return float(sum((fill[0] + lid) * (fill[3] - fill[1]) for fill in fills))
 
 
 def _as_it_was(record: Record, folder: Path) -> Record:

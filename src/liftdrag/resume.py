@@ -11,10 +11,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from liftdrag import ensemble
+from liftdrag import ensemble, piston
 from liftdrag.case import Case
 from liftdrag.deck.restart import deck_of
-from liftdrag.engines import restart
+from liftdrag.engines import checkpoint, restart
 from liftdrag.engines.base import Engine, Enough, Progress, silent
 from liftdrag.engines.family import Family
 from liftdrag.errors import InputError
@@ -23,7 +23,7 @@ from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
 from liftdrag.lock import held
 from liftdrag.result import Result, budgeted
 from liftdrag.runner import analyze, engine_for, enough_for, run
-from liftdrag.scene import Drag2DScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 
 _log = logging.getLogger("liftdrag")
 
@@ -41,8 +41,8 @@ def resume(
 
     A run that has finished is only read again, one that never began is started. LAMMPS goes on
     from the last whole restart file, or anew where there is none yet; an ensemble with the
-    packings that have not finished. Raises InputError where the run is another or cannot go on,
-    RunFailed when it does not finish.
+    packings that have not finished; a column of the in-house engine from its last state kept.
+    Raises InputError where the run is another or cannot go on, RunFailed when it does not finish.
     """
     if out is None:
         raise InputError("--resume needs --out, the folder of the run to go on with.")
@@ -78,6 +78,9 @@ def resume(
         if isinstance(of.scene, Drag2DScene):
             found = ensemble.resumed(of, chosen, folder, record, ranks, progress, timeout_s)
             return budgeted(found, of, None)
+        if isinstance(of.scene, JanssenScene):
+            _, found = piston.gone_through(of, chosen, going, folder, progress, timeout_s)
+            return budgeted(found, of, None)
         carried_out(chosen, going, folder, progress, _enough(of, going, chosen, folder), timeout_s)
         return analyze(folder)
 
@@ -98,23 +101,35 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
             f"remove {folder} and run again."
         )
     _check_engine(record, engine, folder)
-    if not isinstance(engine, Family) or record.tables["scene"] == "drag2d":
+    if record.tables["scene"] == "drag2d":
         return record
-    plan, point = record.plan, restart.latest(record.plan, folder)
+    if not isinstance(engine, Family):
+        state = checkpoint.latest(folder)
+        return _noted(record, folder, None if state is None else ("drive", int(state["done"])))
+    point = restart.latest(record.plan, folder)
     if point is None:
-        _log.info("There is no restart file yet: from the beginning.")
-        return record
+        return _noted(record, folder, None)
     with writing(folder):
-        restart.take_back(point, plan, folder, engine.log)
-    _log.info("From step %d of the stage %s.", point.step, point.stage)
-    made = record.provenance
+        restart.take_back(point, record.plan, folder, engine.log)
+    record = _noted(record, folder, (point.stage, point.step))
+    return replace(record, plan=replace(record.plan, start=deck_of(point.stage)))
+
+
+def _noted(record: Record, folder: Path, point: tuple[str, int] | None) -> Record:
+    """The record, which says from which step of which stage the run goes on, if from any."""
+    if point is None:
+        _log.info("Nothing was kept yet: from the beginning.")
+        return record
+    stage, step = point
+    _log.info("From step %d of the stage %s.", step, stage)
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    made["resumed"] = [
-        *made.get("resumed", []),
-        {"stage": point.stage, "step": point.step, "at": now},
+    points = [
+        *record.provenance.get("resumed", []),
+        {"stage": stage, "step": step, "at": now},
     ]
-    record.write(folder)
-    return replace(record, plan=replace(plan, start=deck_of(point.stage)))
+    noted = replace(record, provenance=record.provenance | {"resumed": points})
+    noted.write(folder)
+    return noted
 
 
 def _check_engine(record: Record, engine: Engine, folder: Path) -> None:

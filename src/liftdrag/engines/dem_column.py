@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -28,6 +28,7 @@ from liftdrag.dem import (
     walton_braun,
 )
 from liftdrag.engines.base import Enough, Progress
+from liftdrag.engines.checkpoint import Keeper, latest
 from liftdrag.engines.fills import Fill, write_fills
 from liftdrag.engines.samples import MOST_BYTES, Ran, write_samples
 from liftdrag.errors import InputError
@@ -47,6 +48,11 @@ _SUMS = (
     "sliding",
     "spin",
 )
+
+_STATE = ("position", "velocity", "spin", "radius", "mass", "upright")
+_MEMORY = ("pair", "stretch", "state", "wall_pair", "wall_stretch", "wall_state")
+_SAMPLED = ("piston", "tube", "wall_normal", "kinetic", "elastic", "overlap")
+_COUNTS = ("done", "at", "begin", "first")
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
@@ -168,21 +174,30 @@ def run(deck: ColumnDeck, folder: Path, progress: Progress, enough: Enough | Non
 
     The average of a fill ends early where its series is `enough`.
     """
-    filling = _Filling(deck, progress, enough or (lambda _: False))
+    filling = _Filling(deck, progress, enough or (lambda _: False), Keeper(folder))
+    if (state := latest(folder)) is not None:
+        filling.restore(state)
+    begin = filling.done
     status = filling.run()
     interval = deck.numbers.run.row_every * deck.numbers.run.time_step
     write_samples(folder / FORCES, CHANNELS, interval, filling.rows())
     _write_profiles(folder, filling.profiles)
     write_fills(folder, filling.fills)
+    if status == dem.FINE:
+        filling.keeper.clear()
     last = filling.pieces[-1]
-    return Ran(status, filling.done, float(last.overlap.max(initial=0.0)))
+    return Ran(status, filling.done - begin, float(last.overlap.max(initial=0.0)))
 
 
 class _Filling:
-    """The column on its way, and what was sampled."""
+    """The column on its way, and what was sampled.
 
-    def __init__(self, deck: ColumnDeck, progress: Progress, enough: Enough):
-        self.deck, self.progress, self.enough = deck, progress, enough
+    It is `at` so many blocks of the fill that began at the step `begin`, whose average begins with
+    the piece `first`.
+    """
+
+    def __init__(self, deck: ColumnDeck, progress: Progress, enough: Enough, keeper: Keeper):
+        self.deck, self.progress, self.enough, self.keeper = deck, progress, enough, keeper
         self.run_numbers = deck.numbers.run
         self.law = law_of(deck.numbers.contact)
         self.column = _empty(deck)
@@ -190,37 +205,80 @@ class _Filling:
         self.grains: list[int] = []
         self.profiles: list[Profile] = []
         self.fills: list[Fill] = []
-        self.done = 0
+        self.done = self.at = self.begin = self.first = 0
 
     def run(self) -> int:
         """Through all fills; returns FINE or why it stopped."""
-        count = 0
-        for more, start, settled, mobilised, end in self.run_numbers.fills:
-            self.column = _filled(self.column, self.deck, count, more)
-            count, begin = more, self.done
-            for steps, settling in ((settled - start, True), (mobilised - settled, False)):
-                if (status := self._phase(steps, settling)) != dem.FINE:
-                    return status
-            average_from = self.done
-            if (status := self._average(end - mobilised)) != dem.FINE:
+        count = self.fills[-1][0] if self.fills else 0
+        for more, start, settled, mobilised, end in self.run_numbers.fills[len(self.fills) :]:
+            if self.at == 0:
+                self.column = _filled(self.column, self.deck, count, more)
+                self.begin = self.done
+            if (status := self._fill(settled - start, mobilised - start, end - start)) != dem.FINE:
                 return status
-            self.fills.append((count, begin, average_from, self.done))
+            self.fills.append((more, self.begin, self.begin + mobilised - start, self.done))
+            count, self.at = more, 0
         return dem.FINE
 
-    def _phase(self, steps: int, settling: bool) -> int:
-        for _ in range(0, steps, self.run_numbers.block_every):
-            if (status := self._block(settling, averaged=False)) != dem.FINE:
+    def _fill(self, settled: int, mobilised: int, end: int) -> int:
+        """Through the rest of a fill, whose average ends early when it is known well enough."""
+        every = self.run_numbers.block_every
+        while self.at < end // every:
+            averaged = self.at >= mobilised // every
+            if self.at == mobilised // every:
+                self.first = len(self.pieces)
+            status = self._block(settling=self.at < settled // every, averaged=averaged)
+            if status != dem.FINE:
                 return status
+            self.at += 1
+            if averaged and self.enough(self._series(self.first)):
+                return status
+            if self.keeper.is_due():
+                self.keeper.keep(self.state())
         return dem.FINE
 
-    def _average(self, steps: int) -> int:
-        """Through the average of a fill, until it is known well enough."""
-        first = len(self.pieces)
-        for _ in range(0, steps, self.run_numbers.block_every):
-            status = self._block(settling=False, averaged=True)
-            if status != dem.FINE or self.enough(self._series(first)):
-                return status
-        return dem.FINE
+    def state(self) -> dict[str, np.ndarray]:
+        """All that the rest of the run depends on, and what was sampled so far."""
+        column, memory = self.column, self.column.memory
+        counts = {name: np.array(getattr(self, name)) for name in _COUNTS}
+        profiles = {
+            f"profile_{name}": np.array([getattr(one, name) for one in self.profiles])
+            for name in ("time", *_SUMS)
+        }
+        return {
+            **counts,
+            **profiles,
+            **{name: getattr(column, name) for name in _STATE},
+            **{f"memory_{name}": getattr(memory, name) for name in _MEMORY},
+            **{name: np.concatenate([getattr(p, name) for p in self.pieces]) for name in _SAMPLED},
+            "rows": np.array([len(piece.piston) for piece in self.pieces]),
+            "grains": np.array(self.grains),
+            "fills": np.array(self.fills, int).reshape(-1, 4),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Take up a state."""
+        memory = ColumnMemory(**{name: state[f"memory_{name}"] for name in _MEMORY})
+        arrays: dict[str, Any] = {name: state[name] for name in _STATE}
+        self.column = replace(self.column, memory=memory, **arrays)
+        for name in _COUNTS:
+            setattr(self, name, int(state[name]))
+        ends = np.cumsum(state["rows"])[:-1]
+        parts = zip(*(np.split(state[name], ends) for name in _SAMPLED), strict=True)
+        self.pieces = [self._piece_of(*part) for part in parts]
+        self.grains = [int(count) for count in state["grains"]]
+        self.fills = [(a, b, c, d) for a, b, c, d in state["fills"].tolist()]
+        self.profiles = [self._profile(state, k) for k in range(len(state["profile_time"]))]
+
+    def _piece_of(self, *sampled: np.ndarray) -> Fallen:
+        """A piece that went well, from what was sampled in it."""
+        arrays: dict[str, Any] = dict(zip(_SAMPLED, sampled, strict=True))
+        return Fallen(column=_nothing(self.column), status=dem.FINE, rebuilt=0, **arrays)
+
+    def _profile(self, state: Mapping[str, np.ndarray], number: int) -> Profile:
+        sums = {name: state[f"profile_{name}"][number] for name in _SUMS}
+        height = _heights(self.run_numbers)
+        return Profile(time=float(state["profile_time"][number]), height=height, **sums)
 
     def _series(self, first: int) -> Series:
         """The samples from a piece on."""
@@ -348,7 +406,7 @@ def _profile(column: Column, law: Law, deck: ColumnDeck) -> Profile:
     virial = -0.5 * lever * (between.pull[:, 2] - between.push * between.normal[:, 2])
     return Profile(
         time=0.0,
-        height=(np.arange(run.bins) + 0.5) * run.bin_height,
+        height=_heights(run),
         count=summed(np.arange(len(slices)), np.ones(len(slices))),
         virial=summed(between.pair[:, 0], virial) + summed(between.pair[:, 1], virial),
         wall_normal=summed(grain, push),
@@ -358,6 +416,12 @@ def _profile(column: Column, law: Law, deck: ColumnDeck) -> Profile:
         sliding=summed(grain, np.where(share > SLIDING, one, 0.0)),
         spin=summed(grain, normal[:, 1] * spin[:, 0] - normal[:, 0] * spin[:, 1]),
     )
+
+
+def _heights(run: _Run) -> np.ndarray:
+    """The middles (b,) of the slices, m."""
+    heights: np.ndarray = (np.arange(run.bins) + 0.5) * run.bin_height
+    return heights
 
 
 def _mean(profiles: list[Profile], time: float) -> Profile:
