@@ -16,7 +16,7 @@ from conftest import tiny_tank, with_lid
 from kills import TANK, Kill, engines_in, killed
 
 import liftdrag.resume
-from liftdrag.engines import restart
+from liftdrag.engines import process, restart
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import Record
 from liftdrag.lock import LOCK
@@ -68,7 +68,8 @@ def test_a_killed_engine_goes_on_to_the_same_bits(whole, again):
     assert "LIFTDRAG STAGE settle" in (again / "log.lammps.1").read_text()
 
 
-def test_a_bed_that_was_killed_while_it_settled_goes_on_to_the_same_bits(whole, tmp_path):
+def test_a_bed_that_was_killed_while_it_settled_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(process, "POLL_S", 0.02)
     folder = killed(tmp_path / "run", "settle", 600)
     resume(None, folder)
     assert resumed_at(folder) == [("settle", 513)]

@@ -154,11 +154,11 @@ def test_an_engine_that_hangs_has_stalled(tmp_path, monkeypatch):
             for pid in engines_in(tmp_path):
                 os.kill(pid, signal.SIGSTOP)
 
-    monkeypatch.setenv(SILENCE, "1")
+    monkeypatch.setenv(SILENCE, "4")
     with pytest.raises(RunFailed) as caught:
         run(TANK, tmp_path, progress=freeze)
     assert caught.value.status == "stalled"
-    assert "wrote nothing for 1 s" in caught.value.reason
+    assert "wrote nothing for 4 s" in caught.value.reason
     assert caught.value.evidence
     assert engines_in(tmp_path) == []
     assert json.loads((tmp_path / "result.json").read_text())["status"] == "stalled"
