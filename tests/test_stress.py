@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from liftdrag.numerics import derive
 from liftdrag.numerics.bounds import bounds_of
 from liftdrag.stress import stress
 from liftdrag.stress.axes import STEPS, axes_of
-from liftdrag.stress.harness import next_task
+from liftdrag.stress.harness import left_out, next_task
 from liftdrag.stress.outcome import Tried, outcomes
 from liftdrag.stress.shortened import cut
 from liftdrag.stress.stressed import Stressed
@@ -111,18 +112,24 @@ class TestOutcomes:
         assert found == [("energy",), ("overlap", "balance")]
 
     def test_agitation_and_answer_must_stay_where_the_step_changes_alone(self):
-        """Twice the energy, four combined errors and a fifth of what is tolerated."""
+        """Twice the energy; four combined errors, a fifth of what is tolerated and three runs."""
         hot = {"agitation": invariant(0.15)}
         assert self.of(tried(STEP, **hot), tried(GRIP, **hot)) == [("energy",), ()]
         warm = {"agitation": invariant(0.14)}
         assert self.of(tried(STEP, **warm)) == [()]
-        assert self.of(tried(STEP, 1.06, 0.01), tried(GRIP, 1.06, 0.01)) == [("answer",), ()]
-        assert self.of(tried(STEP, 1.04, 0.01)) == [()]
+        for key, mean, count, causes in (
+            (STEP, 1.06, 3, ("answer",)),
+            (STEP, 1.06, 2, ()),
+            (GRIP, 1.06, 3, ()),
+            (STEP, 1.03, 3, ()),
+        ):
+            same = [tried(key, mean, 0.01, replica=k) for k in range(1, count + 1)]
+            assert self.of(*same) == [causes] * count
         precise = [
             Tried(run_of(key, mean, 0.1, each={"drag": (mean,) * 4}), {})
-            for key, mean in ((CASE, 1.0), (STEP, 1.009))
+            for key, mean in ((CASE, 1.0), *(3 * [(STEP, 1.009)]))
         ]
-        assert [one.causes for one in outcomes(precise, {"drag": 0.05})] == [(), ()]
+        assert [one.causes for one in outcomes(precise, {"drag": 0.05})] == [()] * 4
 
 
 def stressed(*steps: tuple[float, str], refused: float = 0.0) -> Stressed:
@@ -170,6 +177,20 @@ def test_case_comes_first_then_its_seeds_then_the_cheapest():
     assert order == [("", 1), ("", 2), ("", 3), ("cheap", 1), ("mid", 1)]
     pending = (Task(points[0], 1),)
     assert next_task(State(tuple(points), (), pending, {}, 3.0)) is None
+
+
+def test_answer_that_seems_another_is_run_again_before_it_is_believed():
+    case = Point(*CASE, Case("x", {"seed": 1}), 1, 1.0, 1.0, True)
+    off = Point(*STEP, Case("x", {"seed": 1}), 1, 1.0, 1.0, True)
+    runs = [run_of(CASE, 1.0, 0.01, replica=k) for k in (1, 2, 3)]
+    runs.append(run_of(STEP, 1.2, 0.01))
+    state = State((case, off), tuple(runs), (), {"drag": 0.05}, 9.0)
+    assert left_out(state) == ["more runs of time_step 0.5"]
+    assert next_task(state) == Task(off, 2)
+    chance = (*runs, run_of(STEP, 0.9, 0.01, replica=2))
+    assert next_task(replace(state, runs=chance)) is None
+    runs += [run_of(STEP, 1.2, 0.01, replica=k) for k in (2, 3)]
+    assert next_task(replace(state, runs=tuple(runs))) is None
 
 
 def invoke(*words: str) -> Any:
