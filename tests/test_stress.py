@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 import liftdrag.bench.runs
 import liftdrag.stress.axes
+import liftdrag.stress.harness
 from liftdrag.bench.axes import Axis, Setting
 from liftdrag.bench.judged import CASE
 from liftdrag.bench.points import Point, Task
@@ -201,6 +202,7 @@ class TestRealBreaks:
     def test_tank_breaks_at_a_step_of_its_whole_scale(self, tmp_path: Path, monkeypatch):
         """And not at twice its own; what ended is not run again, whole or broken."""
         monkeypatch.setattr(liftdrag.stress.axes, "STEPS", (0.3, 1.0))
+        monkeypatch.setattr(liftdrag.stress.harness, "RUNS", 1)
         case, out = tmp_path / "tiny.toml", tmp_path / "out"
         case.write_text(TINY)
         words = [str(case), "--axes", "time_step", "--out", str(out), "--jobs", "1"]
@@ -223,6 +225,7 @@ class TestRealBreaks:
     def test_plane_breaks_by_speed_and_a_step_is_refused(self, tmp_path: Path, monkeypatch):
         monkeypatch.setattr(liftdrag.stress.axes, "STEPS", (0.1, 1.0))
         monkeypatch.setattr(liftdrag.stress.axes, "SPEEDS", (10.0,))
+        monkeypatch.setattr(liftdrag.stress.harness, "RUNS", 1)
         file = tmp_path / "plane.toml"
         file.write_text(PLANE)
         words = [str(file), "--out", str(tmp_path / "out")]
