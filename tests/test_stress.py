@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 import liftdrag.bench.runs
 import liftdrag.stress.axes
+import liftdrag.stress.harness
 from liftdrag.bench.axes import Axis, Setting
 from liftdrag.bench.judged import CASE
 from liftdrag.bench.points import Point, Task
@@ -28,7 +30,7 @@ from liftdrag.numerics import derive
 from liftdrag.numerics.bounds import bounds_of
 from liftdrag.stress import stress
 from liftdrag.stress.axes import STEPS, axes_of
-from liftdrag.stress.harness import next_task
+from liftdrag.stress.harness import left_out, next_task
 from liftdrag.stress.outcome import Tried, outcomes
 from liftdrag.stress.shortened import cut
 from liftdrag.stress.stressed import Stressed
@@ -111,18 +113,24 @@ class TestOutcomes:
         assert found == [("energy",), ("overlap", "balance")]
 
     def test_agitation_and_answer_must_stay_where_the_step_changes_alone(self):
-        """Twice the energy, four combined errors and a fifth of what is tolerated."""
+        """Twice the energy; four combined errors, a fifth of what is tolerated and three runs."""
         hot = {"agitation": invariant(0.15)}
         assert self.of(tried(STEP, **hot), tried(GRIP, **hot)) == [("energy",), ()]
         warm = {"agitation": invariant(0.14)}
         assert self.of(tried(STEP, **warm)) == [()]
-        assert self.of(tried(STEP, 1.06, 0.01), tried(GRIP, 1.06, 0.01)) == [("answer",), ()]
-        assert self.of(tried(STEP, 1.04, 0.01)) == [()]
+        for key, mean, count, causes in (
+            (STEP, 1.06, 3, ("answer",)),
+            (STEP, 1.06, 2, ()),
+            (GRIP, 1.06, 3, ()),
+            (STEP, 1.03, 3, ()),
+        ):
+            same = [tried(key, mean, 0.01, replica=k) for k in range(1, count + 1)]
+            assert self.of(*same) == [causes] * count
         precise = [
             Tried(run_of(key, mean, 0.1, each={"drag": (mean,) * 4}), {})
-            for key, mean in ((CASE, 1.0), (STEP, 1.009))
+            for key, mean in ((CASE, 1.0), *(3 * [(STEP, 1.009)]))
         ]
-        assert [one.causes for one in outcomes(precise, {"drag": 0.05})] == [(), ()]
+        assert [one.causes for one in outcomes(precise, {"drag": 0.05})] == [()] * 4
 
 
 def stressed(*steps: tuple[float, str], refused: float = 0.0) -> Stressed:
@@ -172,6 +180,20 @@ def test_case_comes_first_then_its_seeds_then_the_cheapest():
     assert next_task(State(tuple(points), (), pending, {}, 3.0)) is None
 
 
+def test_answer_that_seems_another_is_run_again_before_it_is_believed():
+    case = Point(*CASE, Case("x", {"seed": 1}), 1, 1.0, 1.0, True)
+    off = Point(*STEP, Case("x", {"seed": 1}), 1, 1.0, 1.0, True)
+    runs = [run_of(CASE, 1.0, 0.01, replica=k) for k in (1, 2, 3)]
+    runs.append(run_of(STEP, 1.2, 0.01))
+    state = State((case, off), tuple(runs), (), {"drag": 0.05}, 9.0)
+    assert left_out(state) == ["more runs of time_step 0.5"]
+    assert next_task(state) == Task(off, 2)
+    chance = (*runs, run_of(STEP, 0.9, 0.01, replica=2))
+    assert next_task(replace(state, runs=chance)) is None
+    runs += [run_of(STEP, 1.2, 0.01, replica=k) for k in (2, 3)]
+    assert next_task(replace(state, runs=tuple(runs))) is None
+
+
 def invoke(*words: str) -> Any:
     return CliRunner().invoke(app, ["stress", *words])
 
@@ -180,6 +202,7 @@ class TestRealBreaks:
     def test_tank_breaks_at_a_step_of_its_whole_scale(self, tmp_path: Path, monkeypatch):
         """And not at twice its own; what ended is not run again, whole or broken."""
         monkeypatch.setattr(liftdrag.stress.axes, "STEPS", (0.3, 1.0))
+        monkeypatch.setattr(liftdrag.stress.harness, "RUNS", 1)
         case, out = tmp_path / "tiny.toml", tmp_path / "out"
         case.write_text(TINY)
         words = [str(case), "--axes", "time_step", "--out", str(out), "--jobs", "1"]
@@ -202,6 +225,7 @@ class TestRealBreaks:
     def test_plane_breaks_by_speed_and_a_step_is_refused(self, tmp_path: Path, monkeypatch):
         monkeypatch.setattr(liftdrag.stress.axes, "STEPS", (0.1, 1.0))
         monkeypatch.setattr(liftdrag.stress.axes, "SPEEDS", (10.0,))
+        monkeypatch.setattr(liftdrag.stress.harness, "RUNS", 1)
         file = tmp_path / "plane.toml"
         file.write_text(PLANE)
         words = [str(file), "--out", str(tmp_path / "out")]

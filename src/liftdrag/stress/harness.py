@@ -20,13 +20,10 @@ from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RECORD, RESULT, read_json
 from liftdrag.runner import engine_for
 from liftdrag.stress.axes import SEEDS, axes_of
-from liftdrag.stress.outcome import Tried
+from liftdrag.stress.outcome import RUNS, Tried, deviations_of, shifted
 from liftdrag.stress.shortened import shortened
 from liftdrag.stress.stressed import Stressed
 from liftdrag.stress.written import begun, write
-
-RUNS = 3
-"""Runs of the case itself, which differ in their seed: their scatter is in every error."""
 
 UNFINISHED = ("killed", "disk_full", "unknown")
 """Ends of a run that say nothing of its case."""
@@ -65,8 +62,7 @@ def stress(
                 tell(f"{one.axis} {one.name}: {one.status} {one.reason}".rstrip())
         _check(runs)
     finally:
-        unseen = _unseen(replace(state, runs=tuple(runs)))
-        left = [f"{point.axis} {point.name}" for point in unseen]
+        left = left_out(replace(state, runs=tuple(runs)))
         found = replace(found, tried=tuple(_tried(one, found.stand) for one in runs), left=left)
         write(found)
     return found
@@ -104,23 +100,35 @@ def _planned(
 
 
 def next_task(state: State) -> Task | None:
-    """The case itself, so many times, then the others, the cheapest first."""
+    """The case itself, then what is in doubt, then the others, the cheapest first."""
     case = state.points[0]
     if state.started(case) < 1:
         return Task(case, 1)
     if CASE not in finished(state.runs):
         return None
     again = [case] if state.started(case) < RUNS else []
-    for point in (*again, *_unseen(state)):
+    for point in (*again, *_doubted(state), *_unseen(state)):
         if state.affords(point):
             return Task(point, state.started(point) + 1)
     return None
+
+
+def left_out(state: State) -> list[str]:
+    """What the time was too short for, in words: points, and points that stay in doubt."""
+    unseen = [f"{point.axis} {point.name}" for point in _unseen(state)]
+    return [*unseen, *(f"more runs of {point.axis} {point.name}" for point in _doubted(state))]
 
 
 def _unseen(state: State) -> list[Point]:
     """The points without a run, the cheapest first."""
     found = [point for point in state.points if not state.started(point)]
     return sorted(found, key=lambda point: point.hint_s)
+
+
+def _doubted(state: State) -> list[Point]:
+    """The points whose answer seems another, of too few runs to be sure."""
+    off = shifted(deviations_of(state.runs, state.tolerances), state.tolerances)
+    return [point for point in state.points if point.key in off and state.started(point) < RUNS]
 
 
 def _earlier(point: Point, stand: Stand) -> Iterator[Run]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,10 @@ from liftdrag.stress.axes import SEEDS, UNCHANGED
 
 CLEAR = 4.0
 """Combined errors beyond which an answer is another; they are those of few and short runs."""
+
+RUNS = 3
+"""Runs of the case itself, which differ in their seed, and of a value whose answer seems another:
+one packing in a few is far off whatever the step."""
 
 HEATED = 2.0
 """Energy of agitation over that of the case beyond which the step feeds it."""
@@ -73,19 +78,33 @@ class Outcome:
 
 def outcomes(tried: Sequence[Tried], tolerances: Mapping[str, float]) -> list[Outcome]:
     """What became of each run, against those of the case itself; relative errors are tolerated."""
-    runs = [one.run for one in tried]
+    runs, energy = [one.run for one in tried], _own_energy(tried)
+    found, counts = deviations_of(runs, tolerances), Counter(run.key for run in runs)
+    sure = {key for key in shifted(found, tolerances) if counts[key] >= RUNS}
+    return [_outcome(one, found[one.run.key], energy, one.run.key in sure) for one in tried]
+
+
+def deviations_of(
+    runs: Sequence[Run], tolerances: Mapping[str, float]
+) -> dict[Key, dict[str, Deviation]]:
+    """Of each point and quantity, from the case itself; none of what did not finish."""
     judged = {name: judge(runs, name) for name in tolerances}
-    deviations = {
+    return {
         key: {name: found[key].deviation for name, found in judged.items() if key in found}
         for key in {run.key for run in runs}
     }
-    energy = _own_energy(tried)
-    shifted = {
+
+
+def shifted(
+    found: Mapping[Key, Mapping[str, Deviation]], tolerances: Mapping[str, float]
+) -> set[Key]:
+    """The points whose answer is another, on axes that must not change it."""
+    return {
         key
-        for key, mine in deviations.items()
-        if any(_is_shifted(one, tolerances[name]) for name, one in mine.items())
+        for key, mine in found.items()
+        if axis_of(key) in UNCHANGED
+        and any(_is_shifted(one, tolerances[name]) for name, one in mine.items())
     }
-    return [_outcome(one, deviations[one.run.key], energy, one.run.key in shifted) for one in tried]
 
 
 def _is_shifted(deviation: Deviation, tolerated: float) -> bool:
@@ -100,26 +119,24 @@ def _own_energy(tried: Sequence[Tried]) -> float | None:
 
 
 def _outcome(
-    one: Tried, deviations: Mapping[str, Deviation], energy: float | None, shifted: bool
+    one: Tried, deviations: Mapping[str, Deviation], energy: float | None, is_shifted: bool
 ) -> Outcome:
     heating = one.agitation**2 / energy if one.agitation is not None and energy else None
-    found = set(_causes(one, heating, shifted))
+    found = set(_causes(one, heating, is_shifted))
     causes = tuple(cause for cause in (*CAUSES, REFUSED) if cause in found)
     return Outcome(one, causes, heating, deviations)
 
 
-def _causes(one: Tried, heating: float | None, shifted: bool) -> Iterator[str]:
+def _causes(one: Tried, heating: float | None, is_shifted: bool) -> Iterator[str]:
     run = one.run
     if cause := _BY_STATUS.get(run.status, "energy" if _UNSETTLED in run.reason else "failed"):
         yield cause
     for name, invariant in one.invariants.items():
         if not invariant["holds"]:
             yield _BY_INVARIANT[name]
-    if axis_of(run.key) not in UNCHANGED:
-        return
-    if heating is not None and heating > HEATED:
+    if axis_of(run.key) in UNCHANGED and heating is not None and heating > HEATED:
         yield "energy"
-    if shifted:
+    if is_shifted:
         yield "answer"
 
 
