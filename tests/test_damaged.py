@@ -27,6 +27,7 @@ from liftdrag.engines.profiles import SUMS, read_profiles
 from liftdrag.engines.samples import read_samples
 from liftdrag.ensemble import PACKINGS, each_of
 from liftdrag.errors import InputError
+from liftdrag.files import whole_lines
 from liftdrag.folder import RECORD, RESULT, Record, read_json
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result
@@ -146,6 +147,11 @@ def test_damaged_file_is_refused_or_gives_its_own_numbers(tmp_path_factory, rng,
     own = {number for row in whole for number in row}
     new = {number for row in found for number in row} - own
     assert not new or (name == "ave/time" and not np.isfinite(list(new)).any())
+
+
+def test_nothing_is_read_after_a_line_that_is_being_written():
+    """Its rest comes as a line of its own, when the file has grown meanwhile."""
+    assert list(whole_lines(iter(["1 2.5\n", "2 1.2", "34 5\n"]))) == ["1 2.5\n"]
 
 
 @pytest.mark.parametrize("name", TABLES)
