@@ -230,7 +230,7 @@ def test_a_run_says_and_keeps_its_estimate_and_learns(
     capsys: pytest.CaptureFixture[str],
 ):
     monkeypatch.setattr(machine, "MEMINFO", tmp_path / "meminfo")
-    machine.MEMINFO.write_text("MemTotal: 9 kB\nMemAvailable:   195312 kB\n")
+    machine.MEMINFO.write_text("MemTotal: 9000000 kB\nMemAvailable:   195312 kB\n")
     monkeypatch.setattr(estimate, "SHORT_S", 0.0)
     with reported() as progress:
         result = run(tiny_tank(), out, progress=progress)

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import tiny_tank
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from liftdrag import arrays, beds, runner
+from liftdrag import arrays, beds, replicas, runner
 from liftdrag.arrays import read_arrays
 from liftdrag.deck.tank import Bed
 from liftdrag.engines.checks import LOOP
@@ -24,7 +25,9 @@ from liftdrag.engines.family import read_dump
 from liftdrag.engines.log import LogTail
 from liftdrag.engines.profiles import SUMS, read_profiles
 from liftdrag.engines.samples import read_samples
+from liftdrag.ensemble import PACKINGS, each_of
 from liftdrag.errors import InputError
+from liftdrag.files import whole_lines
 from liftdrag.folder import RECORD, RESULT, Record, read_json
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result
@@ -146,6 +149,11 @@ def test_damaged_file_is_refused_or_gives_its_own_numbers(tmp_path_factory, rng,
     assert not new or (name == "ave/time" and not np.isfinite(list(new)).any())
 
 
+def test_nothing_is_read_after_a_line_that_is_being_written():
+    """Its rest comes as a line of its own, when the file has grown meanwhile."""
+    assert list(whole_lines(iter(["1 2.5\n", "2 1.2", "34 5\n"]))) == ["1 2.5\n"]
+
+
 @pytest.mark.parametrize("name", TABLES)
 def test_lines_that_end_as_on_windows_are_read_the_same(name: str, tmp_path: Path):
     read, text, _ = READERS[name]
@@ -205,6 +213,30 @@ def test_arrays_that_would_fill_the_memory_are_refused(tmp_path: Path):
         patch.setattr(arrays, "MOST_BYTES", 1000)
         with pytest.raises(ValueError, match="unpacks to more than 1000 bytes"):
             read_arrays(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize(
+    "text", ["{}", '{"case": "x", "tables": [1]}', '{"case": 1, "tables": {}}']
+)
+def test_damaged_record_of_replicas_is_refused(text: str, tmp_path: Path):
+    (tmp_path / replicas.CASE).write_text(text)
+    with pytest.raises(InputError, match=r"replicas\.json is damaged"):
+        replicas.analyze(tmp_path)
+
+
+def test_replicas_that_never_began_are_refused(tmp_path: Path):
+    record = {"case": "tiny", "tables": dict(tiny_tank().tables)}
+    (tmp_path / replicas.CASE).write_text(json.dumps(record))
+    with pytest.raises(InputError, match="no replica that has begun"):
+        replicas.analyze(tmp_path)
+
+
+def test_number_cut_short_in_a_table_of_packings_is_not_read(tmp_path: Path):
+    (tmp_path / PACKINGS).write_text("packing,drag (N)\n1,1.234\n2,1.2")
+    assert each_of(tmp_path, "drag", "N").tolist() == [1.234]
+    (tmp_path / PACKINGS).write_text("packing,drag (N)\n1,nan\n")
+    with pytest.raises(InputError, match="not finite"):
+        each_of(tmp_path, "drag", "N")
 
 
 def test_bed_that_was_kept_is_whole_or_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

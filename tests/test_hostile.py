@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from liftdrag.case import MAX_BYTES, Case, keys, load
 from liftdrag.cli import main
-from liftdrag.cost import disk, machine
+from liftdrag.cost import check_means, disk, machine
 from liftdrag.deck import bodies, column, planar, tank
 from liftdrag.deck import drag2d as deck2d
 from liftdrag.deck.commands import ANY, DECKS, check_commands
@@ -31,6 +31,7 @@ from liftdrag.deck.dialect import DIALECTS, Contact, Dialect
 from liftdrag.engines import engine
 from liftdrag.engines.base import silent
 from liftdrag.engines.family import read_dump
+from liftdrag.engines.mpi import World
 from liftdrag.errors import CaseError, InputError
 from liftdrag.folder import fresh
 from liftdrag.numerics import JanssenNumerics, derive
@@ -570,6 +571,9 @@ def test_run_without_the_memory_is_refused_unless_a_job_spreads_it(
         said = refused("run", case, "--engine", "dem" if case != "quick" else "lammps")
         assert "GB of memory" in said
         assert "fewer grains or ranks" in said
+    scene, chosen = tiny_tank().scene, engine("lammps")
+    monkeypatch.setattr(type(chosen), "world", lambda _: World(0, 2))
+    assert check_means(scene, derive(scene), chosen, 2, None) is None
 
 
 def test_container_has_less_memory_than_its_machine(

@@ -88,10 +88,11 @@ def keep(found: Found, scene: TankScene, folder: Path) -> None:
     """Keep the bed that a run in `folder` has settled, if it did."""
     if found.bed.settled:
         return
-    for _, rows in read_dump(folder / "settled.dump"):
-        if np.array_equal(rows[:, 1], found.bed.types) and np.isfinite(rows).all():
-            period = [scene.tank.length, scene.tank.thickness, np.inf]
-            _write(found.key, Bed(rows[:, 2:5] % period, found.bed.types))
+    with contextlib.suppress(OSError, ValueError):
+        for _, rows in read_dump(folder / "settled.dump"):
+            if np.array_equal(rows[:, 1], found.bed.types):
+                period = [scene.tank.length, scene.tank.thickness, np.inf]
+                _write(found.key, Bed(rows[:, 2:5] % period, found.bed.types))
 
 
 def _packing(scene: TankScene) -> dict[str, Any]:

@@ -57,10 +57,14 @@ from liftdrag.result import answered as quantities_of
 from liftdrag.scene import Drag2DScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
+from liftdrag.tables import column, read_table
 from liftdrag.trust import trusted
 from liftdrag.version import VERSION
 
 OUTCOME = "outcome.json"
+
+PACKINGS = "packings.csv"
+"""The table of the packings."""
 
 CHANNELS = frozenset("drag lift left right bottom top".split())
 """What the series of every engine has."""
@@ -205,6 +209,11 @@ def _count(folder: Path, scene: Drag2DScene, result: dict[str, Any]) -> int:
     if not isinstance(count, int) or not 2 <= count <= scene.ensemble.runs:
         raise InputError(f"{folder / RESULT} is damaged; run the case again.")
     return count
+
+
+def each_of(folder: Path, quantity: str, unit: str) -> np.ndarray:
+    """The quantity of each packing (n,), as `packings.csv` has it. Raises InputError."""
+    return column(read_table(folder / PACKINGS, "csv"), f"{quantity} ({unit})")
 
 
 def _planar(case: Case) -> Drag2DScene:
@@ -523,4 +532,4 @@ def _write_tables(folder: Path, scene: Drag2DScene, found: EnsembleAnswers) -> N
     each = {f"{name} ({units[name]})": values for name, values in found.values.items()}
     pd.DataFrame(
         each, index=pd.RangeIndex(1, 1 + len(found.values["drag"]), name="packing")
-    ).to_csv(folder / "packings.csv")
+    ).to_csv(folder / PACKINGS)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator
+from itertools import takewhile
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
@@ -29,6 +31,11 @@ def check_ordinary(path: Path) -> None:
     if not S_ISREG(path.stat().st_mode):
         what = "Is a directory" if path.is_dir() else "it is no ordinary file"
         raise OSError(0, what, os.fspath(path))
+
+
+def whole_lines(file: Iterable[str]) -> Iterator[str]:
+    """The lines of a file that have their newline, up to one that is still being written."""
+    return takewhile(lambda line: line.endswith("\n"), file)
 
 
 def read_bytes(path: Path, most: int) -> bytes:

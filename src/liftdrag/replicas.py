@@ -117,11 +117,22 @@ def is_replicas(folder: Path) -> bool:
 def analyze(folder: Path, bench: str | Path | None = None) -> Result:
     """The pooled answers of finished replicas again."""
     biases = None if bench is None else read_biases(Path(bench))
-    places = sorted(folder.glob("replica-*"))
+    places, case = sorted(folder.glob("replica-*")), _case(folder)
+    if not places:
+        raise InputError(f"{folder} holds no replica that has begun; run the case again.")
     done = [analyze_one(place) for place in places]
-    whole = read_json(folder / CASE)
-    case = Case(whole["case"], whole["tables"])
     return budgeted(_pooled(case, folder, done), case, biases)
+
+
+def _case(folder: Path) -> Case:
+    """The case of the replicas in a folder. Raises InputError when its record is damaged."""
+    whole = read_json(folder / CASE)
+    try:
+        case = Case(str(whole["case"]), dict(whole["tables"]))
+        case.scene  # noqa: B018 - a case that was run is a good one
+    except (LookupError, TypeError, ValueError):
+        raise InputError(f"{folder / CASE} is damaged; run the case again.") from None
+    return case
 
 
 def _check(case: Case, count: int) -> None:

@@ -27,6 +27,7 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case, load, parse, read_text, with_settings
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Progress, silent
+from liftdrag.ensemble import PACKINGS, each_of
 from liftdrag.errors import CaseError, InputError, RunFailed, escaped, shown
 from liftdrag.files import is_file
 from liftdrag.folder import RECORD, RESULT, read_json
@@ -36,10 +37,6 @@ from liftdrag.runner import analyze, run
 from liftdrag.scene.model import Part
 
 ENDING = ".study"
-
-PACKINGS = "packings.csv"
-"""The table that an ensemble writes of its packings."""
-
 
 KNOWN = {
     "drag2d": ("drag", "lift", "drag_fluctuation", "rest_pressure", "irregularity"),
@@ -289,13 +286,7 @@ def _is_ensemble(result: Result) -> bool:
 
 def _each(result: Result, quantity: str) -> np.ndarray:
     """The quantity of each packing (n,), from the table that the run wrote."""
-    import pandas as pd
-
-    table, unit = pd.read_csv(result.folder / PACKINGS), result.quantities[quantity].unit
-    column = f"{quantity} ({unit})"
-    if column not in table:
-        raise InputError(f"The packings in {result.folder} have no {quantity} each.")
-    return table[column].to_numpy(float)
+    return each_of(result.folder, quantity, result.quantities[quantity].unit)
 
 
 def _draw(

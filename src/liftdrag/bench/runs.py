@@ -14,12 +14,10 @@ from typing import Any
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.bench.points import Point, Task
 from liftdrag.engines.base import Progress
+from liftdrag.ensemble import PACKINGS, each_of
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RECORD, RESULT, read_json
 from liftdrag.runner import run
-
-PACKINGS = "packings.csv"
-"""The table that an ensemble writes of its packings."""
 
 
 @dataclass(frozen=True)
@@ -109,9 +107,16 @@ def earlier(points: Sequence[Point], stand: Stand) -> list[Run]:
 
 def _finished(point: Point, stand: Stand) -> Iterator[Run]:
     replica = 1
-    while _is_finished(task := Task(point, replica), stand):
-        yield read(task, stand)
+    while found := _earlier(Task(point, replica), stand):
+        yield found
         replica += 1
+
+
+def _earlier(task: Task, stand: Stand) -> Run | None:
+    """The finished run of a task; a damaged one is made again."""
+    with suppress(LookupError, TypeError, ValueError, AttributeError):
+        return read(task, stand) if _is_finished(task, stand) else None
+    return None
 
 
 def _is_finished(task: Task, stand: Stand) -> bool:
@@ -148,13 +153,9 @@ def read(task: Task, stand: Stand) -> Run:
 
 def _each(folder: Path, answers: Mapping[str, Quantity]) -> Iterator[tuple[str, tuple[float, ...]]]:
     """By quantity what each packing answered; none where the run is no ensemble."""
-    import pandas as pd
-
-    if not (folder / PACKINGS).exists():
-        return
-    table = pd.read_csv(folder / PACKINGS)
-    for name, answer in answers.items():
-        yield name, tuple(table[f"{name} ({answer.unit})"])
+    if (folder / PACKINGS).exists():
+        for name, answer in answers.items():
+            yield name, tuple(each_of(folder, name, answer.unit))
 
 
 def _quantity(given: Mapping[str, Any]) -> Quantity:

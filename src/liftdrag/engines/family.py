@@ -22,7 +22,7 @@ from liftdrag.engines.profiles import read_profiles
 from liftdrag.engines.stopper import Stopper
 from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
 from liftdrag.errors import RunFailed
-from liftdrag.files import check_ordinary
+from liftdrag.files import check_ordinary, whole_lines
 from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
@@ -216,7 +216,7 @@ def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
     check_ordinary(path)
     last = -1
     with path.open() as file:
-        lines = (line for line in file if line.endswith("\n"))
+        lines = whole_lines(file)
         while len(header := list(islice(lines, 9))) == 9:
             step, count, width = _frame(header, path)
             rows = list(islice(lines, count))

@@ -13,7 +13,7 @@ from typing import TextIO
 
 import numpy as np
 
-from liftdrag.files import check_ordinary
+from liftdrag.files import check_ordinary, whole_lines
 from liftdrag.profile import Profile
 
 SUMS = {
@@ -50,7 +50,7 @@ def read_profiles(path: Path, time_step: float) -> Iterator[Profile]:
 def _blocks(file: TextIO, path: Path) -> Iterator[tuple[int, list[str], list[str]]]:
     """The step, the names of the columns and the rows of each block that is complete."""
     names = list[str]()
-    lines = (line for line in file if line.endswith("\n"))
+    lines = whole_lines(file)
     for line in lines:
         if line.startswith("#"):
             names = line.split()[1:]
