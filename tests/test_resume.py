@@ -90,7 +90,14 @@ def newest(folder: Path) -> Path:
     return point.file
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "gone", "rows", "frame"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "cut",
+        "rows",
+        *(pytest.param(d, marks=pytest.mark.validate) for d in ("empty", "gone", "frame")),
+    ],
+)
 def test_a_damaged_restart_file_is_passed_over_for_the_older(whole, again, damage):
     file, step = newest(again), restart.step_of(newest(again))
     if damage == "cut":
