@@ -95,6 +95,7 @@ def test_a_state_that_is_not_whole_or_of_another_deck_is_passed_over(whole, tmp_
     assert same(whole, folder)
 
 
+@pytest.mark.validate
 def test_a_column_that_is_killed_goes_on_to_the_same_bits(whole, tmp_path):
     """With kill -9, in compiled code or out of it."""
     folder = tmp_path / "run"
