@@ -95,6 +95,12 @@ def test_schema_is_the_models(typed):
         (("run", "quick", "--set", "intruder.depth"), "KEY=VALUE"),
         (("run", "quick", "--ranks", "0"), "--ranks 0"),
         (("run", "nowhere.toml"), "cannot be read"),
+        (("run",), "Name a case to run"),
+        (("run", "quick", "--timeout", "soon"), "--timeout 'soon' is no time"),
+        (("run", "quick", "--timeout", "1h", "--replicas", "2"), "leave out --ranks, --dump and"),
+        (("run", "quick", "--resume"), "--resume needs --out"),
+        (("run", "--resume", "--out", "no"), "no holds no run; name the case"),
+        (("run", "--resume", "--out", "no", "--dump"), "--dump is not for --resume"),
         (("schema", "tankk"), "There is no scene"),
         (("analyze", "nowhere.dat"), "nowhere.dat"),
         (

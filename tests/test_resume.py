@@ -91,7 +91,14 @@ def newest(folder: Path) -> Path:
     return point.file
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "gone", "rows", "frame"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "cut",
+        "rows",
+        *(pytest.param(d, marks=pytest.mark.validate) for d in ("empty", "gone", "frame")),
+    ],
+)
 def test_a_damaged_restart_file_is_passed_over_for_the_older(whole, again, damage):
     file, step = newest(again), restart.step_of(newest(again))
     if damage == "cut":
@@ -193,7 +200,7 @@ def test_a_run_that_never_began_is_started(tmp_path):
     [
         ("case", "is of another case than tiny; choose another --out."),
         ("engine", "is of the engine lammps; leave out --engine."),
-        ("ranks", "is on --ranks 1; leave out --ranks."),
+        ("ranks", "is on --ranks 1, not 2; leave out --ranks."),
         ("deck", "in.tank-drive is not the file that was written for the run; remove"),
         ("grains", "grains.data is not the file that was written for the run; remove"),
         ("version", "began with lammps 1 Jan 2000, and this is"),

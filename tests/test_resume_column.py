@@ -50,7 +50,9 @@ def same(one: Path, other: Path) -> bool:
     return all((one / name).read_bytes() == (other / name).read_bytes() for name in FILES)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.45, 0.8])
+@pytest.mark.parametrize(
+    "share", [0.45, *(pytest.param(share, marks=pytest.mark.validate) for share in (0.1, 0.8))]
+)
 def test_a_column_goes_on_to_the_same_bits(share, whole, tmp_path):
     folder = interrupted(tmp_path / "run", share)
     result = resume(None, folder)
@@ -66,7 +68,9 @@ def test_a_column_goes_on_to_the_same_bits(share, whole, tmp_path):
     assert not list(folder.glob("filling*"))
 
 
-@pytest.mark.parametrize("damage", ["later", "both", "other deck"])
+@pytest.mark.parametrize(
+    "damage", ["later", pytest.param("both", marks=pytest.mark.validate), "other deck"]
+)
 def test_a_state_that_is_not_whole_or_of_another_deck_is_passed_over(whole, tmp_path, damage):
     folder = interrupted(tmp_path / "run", 0.6)
     states = {
@@ -91,6 +95,7 @@ def test_a_state_that_is_not_whole_or_of_another_deck_is_passed_over(whole, tmp_
     assert same(whole, folder)
 
 
+@pytest.mark.validate
 def test_a_column_that_is_killed_goes_on_to_the_same_bits(whole, tmp_path):
     """With kill -9, in compiled code or out of it."""
     folder = tmp_path / "run"

@@ -94,7 +94,13 @@ def _lives(holder: str) -> bool:
     match = _HOLDER.fullmatch(holder)
     if match is None or match[1] == str(os.getpid()):
         return False
-    return match[2] != platform.node() or Path(f"/proc/{match[1]}").exists()
+    if match[2] == platform.node():
+        with contextlib.suppress(PermissionError):
+            try:
+                os.kill(int(match[1]), 0)
+            except (ProcessLookupError, OverflowError):
+                return False
+    return True
 
 
 def _sign(file: TextIO) -> None:

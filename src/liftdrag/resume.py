@@ -15,7 +15,7 @@ from liftdrag import ensemble, piston
 from liftdrag.case import Case
 from liftdrag.deck.restart import deck_of
 from liftdrag.engines import checkpoint, restart
-from liftdrag.engines.base import Engine, Enough, Progress, silent
+from liftdrag.engines.base import Engine, Progress, silent
 from liftdrag.engines.family import Family
 from liftdrag.errors import InputError
 from liftdrag.execution import carried_out, resumable
@@ -23,7 +23,7 @@ from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
 from liftdrag.lock import held
 from liftdrag.result import Result, budgeted
 from liftdrag.runner import analyze, engine_for, enough_for, run
-from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene
 
 _log = logging.getLogger("liftdrag")
 
@@ -62,12 +62,15 @@ def resume(
     record = Record.read(folder)
     of = Case(record.case, record.tables)
     chosen = engine_for(of, record.engine, engine_path)
-    if chosen.world().rank > 0:
+    world = chosen.world()
+    if world.rank > 0:
         chosen.join()
+    if world.size > 1:
+        ranks = world.size
     with ExitStack() as own:
         try:
             own.enter_context(held(folder))
-            _check_same(case, engine, ranks, record, folder)
+            _check_asked(case, engine, ranks, record, folder)
             if _status(folder) == "finished":
                 chosen.release()
                 return analyze(folder)
@@ -75,19 +78,28 @@ def resume(
         except BaseException:
             chosen.release()
             raise
-        if isinstance(of.scene, Drag2DScene):
-            found = ensemble.resumed(of, chosen, folder, record, ranks, progress, timeout_s)
-            return budgeted(found, of, None)
-        if isinstance(of.scene, JanssenScene):
-            _, found = piston.gone_through(of, chosen, going, folder, progress, timeout_s)
-            return budgeted(found, of, None)
-        carried_out(chosen, going, folder, progress, _enough(of, going, chosen, folder), timeout_s)
-        return analyze(folder)
+        return _gone_on(of, chosen, going, folder, ranks, progress, timeout_s)
 
 
-def _enough(case: Case, record: Record, engine: Engine, folder: Path) -> Enough | None:
-    scene = case.scene
-    return enough_for(scene, engine, record, folder) if isinstance(scene, TankScene) else None
+def _gone_on(
+    case: Case,
+    engine: Engine,
+    record: Record,
+    folder: Path,
+    ranks: int | None,
+    progress: Progress,
+    timeout_s: float | None,
+) -> Result:
+    """The result of the rest of a run, once the folder is ready for it."""
+    if isinstance(case.scene, Drag2DScene):
+        found = ensemble.resumed(case, engine, folder, record, ranks, progress, timeout_s)
+        return budgeted(found, case, None)
+    if isinstance(case.scene, JanssenScene):
+        _, found = piston.gone_through(case, engine, record, folder, progress, timeout_s)
+        return budgeted(found, case, None)
+    enough = enough_for(case.scene, engine, record, folder)
+    carried_out(engine, record, folder, progress, enough, timeout_s)
+    return analyze(folder)
 
 
 def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
@@ -103,6 +115,7 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
     _check_engine(record, engine, folder)
     if record.tables["scene"] == "drag2d":
         return record
+    _check_deck(record, folder)
     if not isinstance(engine, Family):
         state = checkpoint.latest(folder)
         return _noted(record, folder, None if state is None else ("drive", int(state["done"])))
@@ -146,10 +159,11 @@ def _status(folder: Path) -> str:
     return str(read_json(folder / RESULT).get("status")) if (folder / RESULT).exists() else ""
 
 
-def _check_same(
+def _check_asked(
     case: Case | None, engine: str | None, ranks: int | None, record: Record, folder: Path
 ) -> None:
-    """Raise InputError where the run in the folder is of another case, engine or deck."""
+    """Raise InputError where the run in the folder is not what was asked for."""
+    planned, shared = record.plan.ranks, record.tables["scene"] != "drag2d"
     if case is not None and _plain(case.tables) != record.tables:
         raise InputError(
             f"The run in {folder} is of another case than {case.name}; choose another --out."
@@ -158,12 +172,15 @@ def _check_same(
         raise InputError(
             f"The run in {folder} is of the engine {record.engine}; leave out --engine."
         )
-    if ranks not in (None, record.plan.ranks) and record.tables["scene"] != "drag2d":
+    if shared and ranks not in (None, planned):
         raise InputError(
-            f"The run in {folder} is on --ranks {record.plan.ranks}; leave out --ranks."
+            f"The run in {folder} is on --ranks {planned}, not {ranks}; leave out --ranks."
         )
-    changed = [] if record.tables["scene"] == "drag2d" else record.changed(folder)
-    if changed:
+
+
+def _check_deck(record: Record, folder: Path) -> None:
+    """Raise InputError where the deck is not the one that was written."""
+    if changed := record.changed(folder):
         raise InputError(
             f"In {folder}, {', '.join(changed)} is not the file that was written for the run; "
             f"remove {folder} and run again."
