@@ -68,7 +68,7 @@ def test_a_killed_engine_goes_on_to_the_same_bits(whole, again):
     assert "LIFTDRAG STAGE settle" in (again / "log.lammps.1").read_text()
 
 
-def test_a_bed_that_was_killed_while_it_settled_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
+def test_a_bed_killed_while_it_settled_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(process, "POLL_S", 0.02)
     folder = killed(tmp_path / "run", "settle", 600)
     resume(None, folder)
