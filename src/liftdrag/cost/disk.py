@@ -17,6 +17,9 @@ DECK = 210.0
 FRAME = 90.0
 """Bytes of a grain in a picture or the trajectory of the bed."""
 
+RESTARTS = 1000.0
+"""Bytes of a grain in three restart files: 270 in each of a small bed."""
+
 HEIGHT = 12.0
 """Bytes of a grain of the surface."""
 
@@ -50,7 +53,9 @@ def _tank(scene: TankScene, numerics: TankNumerics, dump: bool) -> float:
         frames += steps / numerics.trajectory_every.value
     far = (right - left) / scene.tank.length * steps / numerics.surface_every.value
     grains = numerics.grain_steps.value / (numerics.settle_steps.value + steps)
-    return grains * (DECK + FRAME * frames + HEIGHT * far) + ROW * steps / numerics.row_every.value
+    kept = RESTARTS if numerics.restart_every.value < steps else 0.0
+    of_grain = DECK + FRAME * frames + HEIGHT * far + kept
+    return grains * of_grain + ROW * steps / numerics.row_every.value
 
 
 def free(place: Path) -> int:

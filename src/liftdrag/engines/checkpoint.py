@@ -12,10 +12,10 @@ import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from liftdrag.arrays import read_arrays
 from liftdrag.deck.janssen import GRAINS, START
 
 FILES = ("filling-a.npz", "filling-b.npz")
@@ -66,9 +66,8 @@ def latest(folder: Path) -> dict[str, np.ndarray] | None:
 
 
 def _read(file: Path, deck: str) -> dict[str, np.ndarray] | None:
-    with contextlib.suppress(OSError, ValueError, LookupError, EOFError, BadZipFile):
-        with np.load(file, allow_pickle=False) as opened:
-            state = {name: opened[name] for name in opened.files}
+    with contextlib.suppress(OSError, ValueError, LookupError):
+        state = read_arrays(file)
         if str(state["deck"]) == deck:
             return state
     return None
