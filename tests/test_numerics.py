@@ -231,6 +231,23 @@ def test_snapshots_are_a_handful(distance: str):
     assert count == min(max(ceil(float(distance.split()[0]) / 4.0), 2), 6)
 
 
+@pytest.mark.parametrize(("length", "ranks"), [("140 d", 1), ("140 d", 4), ("14000 d", 4)])
+def test_restart_files_take_a_hundredth_of_a_run_and_come_every_minute_at_most(length, ranks):
+    """At 4 million grain-steps a second and rank, and 100 000 grains written in one."""
+    found = derive(PAPER.set("tank.length", length).scene, ranks)
+    every, row = found.restart_every.value, found.row_every.value
+    grains = found.grain_steps.value / (found.settle_steps.value + found.drive_steps.value)
+    apart = every * grains / (4e6 * ranks)
+    assert every % row == 0
+    assert apart == pytest.approx(max(60.0, grains / 1e5 / 0.01), abs=row * grains / (4e6 * ranks))
+
+
+def test_restart_files_set_by_hand_come_after_whole_rows():
+    found = numerics("numerics.restart_every", 500)
+    row = found.row_every.value
+    assert found.restart_every.value == row * ceil(500 / row)
+
+
 def test_cost_counts_driven_layers_too():
     found = derive(PAPER.scene)
     grains = PAPER.scene.grain_count + 140 * 10

@@ -1,4 +1,4 @@
-"""Whether a run has finished, and why not: from what real ones left, and by breaking real ones."""
+"""Whether a run has finished, and why not: what broken ones leave, and real ones broken here."""
 
 from __future__ import annotations
 

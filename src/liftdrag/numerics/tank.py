@@ -318,7 +318,7 @@ def _restart_every(scene: TankScene, row: int, ranks: int) -> Value[int]:
     return Value(
         row * max(round(steps / row), 1),
         "steps",
-        f"a restart file every {apart:.0f} s or so: writing takes {writing / apart:.1%} of a run",
+        f"a restart file every {apart:.0f} s or so: {100.0 * writing / apart:.1g} % of a run",
     )
 
 
