@@ -405,7 +405,7 @@ def test_what_one_deck_may_another_may_not():
     only |= {"dimension 2": "in.drag2d", "read_data bodies.data": "in.bodies"}
     for line, deck in only.items():
         check_commands(line, deck)
-        for other in DECKS.keys() - {deck}:
+        for other in [name for name, rules in DECKS.items() if rules is not DECKS[deck]]:
             with pytest.raises(ValueError, match="which is not allowed"):
                 check_commands(line, other)
 
@@ -489,7 +489,8 @@ def test_lists_hold_nothing_that_no_deck_says():
     for name, text in every_deck():
         said[name] |= set(re.findall(r"[^\s\"']+", re.sub("#.*", "", text)))
     assert set.union(*said.values()) >= ANY
-    for name, rules in DECKS.items():
+    for name in ("in.tank", "in.janssen", "in.drag2d", "in.bodies"):
+        rules = DECKS[name]
         assert said[name] >= rules.commands - ANY
         assert said[name] >= rules.files
 

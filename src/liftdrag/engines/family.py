@@ -171,13 +171,10 @@ class Family(ABC):
         """
         import pandas as pd
 
-        tables = [
-            pd.concat([_by_step(file) for file in restart.parts(folder, name)])
-            for name in plan.series
-        ]
+        every = plan.row_every
         whole = [
-            _rows(table, name, plan.row_every)
-            for name, table in zip(plan.series, tables, strict=True)
+            _joined([_by_step(file, every) for file in restart.parts(folder, name)], every)
+            for name in plan.series
         ]
         table = pd.concat(whole, axis=1, join="inner")
         units = {name: unit for file in plan.series.values() for name, unit in file.items()}
@@ -201,8 +198,23 @@ class Family(ABC):
         return read_profiles(folder / "profile.dat", plan.time_step)
 
 
-def _by_step(file: Path) -> pd.DataFrame:
-    return read_table(file, "ave-time").set_index("TimeStep")
+def _by_step(file: Path, every: int) -> pd.DataFrame:
+    """The rows of a file by steps, `every` steps apart. Raises ValueError."""
+    return _spaced(read_table(file, "ave-time").set_index("TimeStep"), every, file.name)
+
+
+def _joined(parts: Sequence[pd.DataFrame], every: int) -> pd.DataFrame:
+    """The rows before a run went on and those since; of two with the same step the later."""
+    import pandas as pd
+
+    table = pd.concat(parts)
+    return _spaced(table[~table.index.duplicated(keep="last")], every, "what went on")
+
+
+def _spaced(table: pd.DataFrame, every: int, name: str) -> pd.DataFrame:
+    if np.any(np.diff(table.index.to_numpy()) != every):
+        raise ValueError(f"{name}: its rows are not {every} steps apart")
+    return table
 
 
 def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
@@ -242,14 +254,6 @@ def _table(rows: Sequence[str], width: int, path: Path) -> np.ndarray:
     if values.shape[1] != width or not np.isfinite(values).all():
         raise ValueError(f"{path}: not rows of {width} numbers near {rows[0].strip()[:60]!r}")
     return values
-
-
-def _rows(table: pd.DataFrame, name: str, every: int) -> pd.DataFrame:
-    """The rows of a file by steps, the last of a step, `every` steps apart. Raises ValueError."""
-    rows = table[~table.index.duplicated(keep="last")]
-    if np.any(np.diff(rows.index.to_numpy()) != every):
-        raise ValueError(f"{name}: its rows are not {every} steps apart")
-    return rows
 
 
 def _reporter(tail: LogTail, progress: Progress) -> Callable[[], None]:
