@@ -245,8 +245,8 @@ def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_when_there_is_room(na
 
 @pytest.fixture
 def disk(tmp_path: Path):
-    """A file system of three megabytes, where one may be mounted."""
-    command = ["mount", "-t", "tmpfs", "-o", "size=3m", "liftdrag", str(tmp_path)]
+    """A file system of four megabytes, where one may be mounted."""
+    command = ["mount", "-t", "tmpfs", "-o", "size=4m", "liftdrag", str(tmp_path)]
     if subprocess.run(command, capture_output=True, check=False).returncode:
         pytest.skip("no file system can be mounted here")
     yield tmp_path
