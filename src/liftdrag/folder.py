@@ -119,8 +119,11 @@ def _check_empty(folder: Path) -> None:
     if folder.is_dir():
         check_unlocked(folder)
     if os.path.lexists(folder) and (not folder.is_dir() or _used(folder)):
+        remedy = (
+            "go on with it by --resume, or choose another" if _is_run(folder) else "choose another"
+        )
         raise InputError(
-            f"--out {escaped(str(folder))} exists and is not an empty folder; choose another."
+            f"--out {escaped(str(folder))} exists and is not an empty folder; {remedy}."
         )
 
 
@@ -149,6 +152,10 @@ def claimed(out: str | Path | None, name: str) -> Iterator[Path]:
     """A `fresh` folder for a run, locked for the block. Raises InputError."""
     with held(fresh(out, name)) as folder:
         yield folder
+
+
+def _is_run(folder: Path) -> bool:
+    return (folder / RECORD).exists()
 
 
 def _used(folder: Path) -> bool:
