@@ -16,7 +16,7 @@ from kills import TANK, engines_in
 
 from liftdrag.case import Case, parse
 from liftdrag.deck import Plan
-from liftdrag.engines import checks
+from liftdrag.engines import checks, process
 from liftdrag.engines.watchdog import SILENCE, Limits, Watchdog, limits
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import Record
@@ -91,6 +91,14 @@ WHOLE = "# Time-averaged data for fix forces\n# TimeStep v_drag\n" + "".join(
     f"{step} 0.5\n" for step in range(10, 101, 10)
 )
 FINISHED = DRIVING + "LIFTDRAG FINISHED at step 100\n"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def looks_often():
+    """A tiny run would otherwise end between two looks at its log."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process, "POLL_S", 0.02)
+        yield
 
 
 @pytest.mark.parametrize("name", LEFT)
