@@ -237,19 +237,27 @@ def sweep(
         Path | None, typer.Option(help="Folder of the study; by default runs/STUDY.")
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(help="Packings to run at a time, by default one a core.")
+        int | None,
+        typer.Option(help="Runs at a time, in processes of their own; by default one a core."),
+    ] = None,
+    ranks: Annotated[
+        int | None, typer.Option(help="Ranks of each run, or its packings at a time.")
+    ] = None,
+    scale: Annotated[
+        str | None, typer.Option(help="One of the study's scales, by default the first.")
     ] = None,
     settings: Settings = None,
 ) -> None:
-    """Run the cases of a study that have not finished yet, and weigh its claims."""
-    from liftdrag.progress import reported
+    """Run what has not finished yet of a study, and weigh its claims."""
     from liftdrag.report import claim_table, run_table
     from liftdrag.study import sweep as run_study
+    from liftdrag.sweeping import watched
 
-    with reported() as progress:
-        found = run_study(study, out, settings, jobs, progress)
-    _print_tables(run_table(found), claim_table(found))
-    print(f"In {found.folder}: runs.csv, claims.csv and the pictures, and a folder for each run")
+    with watched() as watch:
+        found = run_study(study, out, settings, jobs, ranks, scale, watch)
+    _print_tables(run_table(found), *([claim_table(found)] if found.findings else []))
+    print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
+    found.check()
 
 
 @app.command()

@@ -148,19 +148,26 @@ def run_table(found: Studied) -> Table:
     from rich.table import Table
 
     result = Table(title=escape(found.plan.title))
-    result.add_column("run")
+    result.add_column("point")
     known = {name for one in found.results.values() for name in one.quantities}
     studied = [name for name in _STUDIED if name in known]
     for name in studied:
         result.add_column(name, overflow="fold")
+    finished = all(one.status == "finished" for one in found.results.values())
+    if not finished:
+        result.add_column("status")
     for name, one in found.results.items():
         cells = (one.quantities.get(quantity) for quantity in studied)
-        result.add_row(name, *("-" if cell is None else _with_error(cell) for cell in cells))
+        shown = ("-" if cell is None else _with_error(cell) for cell in cells)
+        result.add_row(name, *shown, *([] if finished else [one.status]))
     return result
 
 
 _STUDIED = (
     "drag",
+    "lift",
+    "drag_coefficient",
+    "lift_coefficient",
     "drag_deviation",
     "drag_fluctuation",
     "rest_pressure",
