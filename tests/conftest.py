@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -67,6 +68,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def _skip_without(name: str) -> None:
+    if name == "slurm":
+        if shutil.which("sbatch") is None:
+            pytest.skip("SLURM is not installed")
+        return
     try:
         engine(name).about()
     except InputError as missing:

@@ -14,11 +14,20 @@ import pytest
 from conftest import TINY, program
 
 from liftdrag.lock import held, is_held
-from liftdrag.study.child import FAILED, FINISHED, IN_USE, PROGRESS, carry_out
+from liftdrag.study.child import carry_out
 from liftdrag.study.pool import Pool, Scene, Watch
 from liftdrag.study.state import END, state_of
 from liftdrag.study.swept import begin
-from liftdrag.study.tasks import Task, claim, folder_of, request
+from liftdrag.study.tasks import (
+    FAILED,
+    FINISHED,
+    IN_USE,
+    PROGRESS,
+    Task,
+    claim,
+    folder_of,
+    request,
+)
 from liftdrag.sweeping import table
 
 STUDY = """

@@ -230,6 +230,7 @@ def run(
 
 @app.command()
 def sweep(
+    context: typer.Context,
     study: Annotated[
         str, typer.Argument(metavar="STUDY", help="A study file, or a packaged study: zhou/tables.")
     ],
@@ -247,17 +248,35 @@ def sweep(
         str | None, typer.Option(help="One of the study's scales, by default the first.")
     ] = None,
     settings: Settings = None,
+    slurm: Annotated[
+        bool, typer.Option("--slurm", help="Submit what is missing to SLURM, and end.")
+    ] = False,
+    status: Annotated[
+        bool, typer.Option("--status", help="Show how far the runs are, and start none.")
+    ] = False,
 ) -> None:
     """Run what has not finished yet of a study, and weigh its claims."""
-    from liftdrag.report import claim_table, run_table
-    from liftdrag.study import sweep as run_study
+    from liftdrag import study as studies
+    from liftdrag.report import claim_table, run_table, state_table
     from liftdrag.sweeping import watched
 
-    with watched() as watch:
-        found = run_study(study, out, settings, jobs, ranks, scale, watch)
-    _print_tables(run_table(found), *([claim_table(found)] if found.findings else []))
+    if slurm or status:
+        why = "is for runs on this machine; leave it out with --slurm and --status"
+        _refuse_options(context, {"study", "out", "scale", "settings", "slurm", "status"}, why)
+    if status:
+        found = studies.status(study, out, settings, scale)
+    elif slurm:
+        found, submitted = studies.on_slurm(study, out, settings, scale)
+        for number in submitted:
+            print(f"Submitted batch job {number}")
+    else:
+        with watched() as watch:
+            found = studies.sweep(study, out, settings, jobs, ranks, scale, watch)
+    shown = [state_table(found)] if slurm or status else []
+    _print_tables(*shown, run_table(found), *([claim_table(found)] if found.findings else []))
     print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
-    found.check()
+    if not slurm and not status:
+        found.check()
 
 
 @app.command()

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from liftdrag.analysis.quantity import Quantity, rounded
+from liftdrag.study.state import STATUSES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from liftdrag.stress import Stressed
     from liftdrag.study import Studied
     from liftdrag.verify import Verified
+
+MOST_TOLD = 20
+"""Runs whose reasons are shown."""
 
 NARROW = 110
 """Width of a terminal in characters below which the meanings are left out."""
@@ -140,6 +144,24 @@ def _deviating(found: Stressed) -> list[str]:
 
 def _shift(found: Deviation) -> str:
     return f"{100.0 * found.relative:+.1f} ± {100.0 * found.standard_error:.1f} %"
+
+
+def state_table(found: Studied) -> Table:
+    """How many runs of a study have come how far, and those that nobody is at by name."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    runs = {
+        task.digest: (task, state) for one in found.results.values() for task, state in one.runs
+    }
+    result = Table(title="runs")
+    for heading in ("status", "runs", "of these"):
+        result.add_column(heading, overflow="fold")
+    for status in STATUSES:
+        group = [(task, state) for task, state in runs.values() if state.status == status]
+        told = [f"{task.name}: {state.reason}" for task, state in group if state.reason]
+        result.add_row(status, str(len(group)), escape("\n".join(told[:MOST_TOLD])))
+    return result
 
 
 def run_table(found: Studied) -> Table:

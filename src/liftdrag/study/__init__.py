@@ -2,6 +2,6 @@
 
 from liftdrag.study.carried import Studied
 from liftdrag.study.plan import packaged, read
-from liftdrag.study.swept import sweep
+from liftdrag.study.swept import on_slurm, status, sweep
 
-__all__ = ["Studied", "packaged", "read", "sweep"]
+__all__ = ["Studied", "on_slurm", "packaged", "read", "status", "sweep"]

@@ -27,11 +27,16 @@ from liftdrag.folder import RECORD, RESULT, read_json, write_json
 from liftdrag.lock import held
 from liftdrag.study.bedded import shared_bed, use_beds
 from liftdrag.study.state import END, state_of
-from liftdrag.study.tasks import Task, claim, folder_of, requested
-
-PROGRESS = "progress.json"
-FINISHED, FAILED, IN_USE = 0, 1, 75
-"""Exit statuses; the last where another process is at the task."""
+from liftdrag.study.tasks import (
+    FAILED,
+    FINISHED,
+    IN_USE,
+    PROGRESS,
+    Task,
+    claim,
+    folder_of,
+    requested,
+)
 
 EVERY_S = 0.5
 

@@ -149,7 +149,7 @@ def _named(run: str, varied: Mapping[str, Any]) -> str:
 
 
 def _plain(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_.+-]", "", text) or "x"
+    return re.sub(r"[^A-Za-z0-9_.+-]", "", text.replace("/", "_")) or "x"
 
 
 def _check_asked(plan: Plan, points: Mapping[str, Point]) -> None:

@@ -15,9 +15,8 @@ from pathlib import Path
 from liftdrag.engines import mpi, process
 from liftdrag.errors import escaped
 from liftdrag.lock import is_held
-from liftdrag.study.child import IN_USE, PROGRESS
 from liftdrag.study.state import State, state_of
-from liftdrag.study.tasks import Task, claim, folder_of, request
+from liftdrag.study.tasks import IN_USE, PROGRESS, Task, claim, folder_of, request
 
 SAYS = "says.txt"
 POLL_S = 0.1

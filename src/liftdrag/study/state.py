@@ -18,7 +18,10 @@ from liftdrag.study.tasks import Task, claim, folders
 END = "end.json"
 """How a task ended that did not finish, in the folder of the task."""
 
-STATUSES = ("finished", "running", "failed", "interrupted", "missing")
+STATUSES = ("finished", "running", "queued", "failed", "interrupted", "missing")
+
+LEFT = ("failed", "interrupted", "missing")
+"""Those of tasks that nobody is at, or will be."""
 
 
 @dataclass(frozen=True)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from liftdrag.cost import cores
 from liftdrag.engines import mpi
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import check_place
+from liftdrag.study import slurm
 from liftdrag.study.carried import Studied, answer
 from liftdrag.study.drawn import draw
 from liftdrag.study.findings import findings
 from liftdrag.study.plan import Plan, default_folder, read
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.pool import Pool, Watch
-from liftdrag.study.state import State, states_of
+from liftdrag.study.state import LEFT, State, states_of
 from liftdrag.study.tables import write_tables
 from liftdrag.study.tasks import Task, distinct
 
@@ -48,6 +50,39 @@ def sweep(
     many = jobs or max(1, cores() // (ranks or 1))
     pool = Pool(begun.folder, many, ranks or _ranks(left, many), watch)
     return conclude(begun, states | dict(pool.carry_out(left)))
+
+
+def on_slurm(
+    study: str,
+    out: str | Path | None = None,
+    settings: list[str] | None = None,
+    scale: str | None = None,
+) -> tuple[Studied, list[str]]:
+    """Submit what neither has finished, goes on nor waits in the queue of SLURM.
+
+    The study as it then stands, and the numbers of the jobs. Raises InputError before anything
+    is submitted, RunFailed where SLURM refuses.
+    """
+    slurm.check_sbatch()
+    begun = begin(study, out, settings, scale)
+    states = slurm.with_queue(states_of(begun.tasks.values(), begun.folder), begun.folder)
+    left = [task for task in begun.tasks.values() if states[task.digest].status in LEFT]
+    jobs = slurm.submit(left, begun.folder, begun.plan.slurm) if left else []
+    return conclude(begun, states | {task.digest: State("queued") for task in left}), jobs
+
+
+def status(
+    study: str,
+    out: str | Path | None = None,
+    settings: list[str] | None = None,
+    scale: str | None = None,
+) -> Studied:
+    """The study as it stands, by the folders of its runs and, where there is one, the queue."""
+    begun = begin(study, out, settings, scale)
+    states = states_of(begun.tasks.values(), begun.folder)
+    with suppress(RunFailed):
+        states = slurm.with_queue(states, begun.folder)
+    return conclude(begun, states)
 
 
 class Begun:

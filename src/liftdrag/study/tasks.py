@@ -17,7 +17,10 @@ from liftdrag.study.points import Point
 RUNS, TASKS, BEDS = "runs", "tasks", "beds"
 """The folders of a study: of its runs, of who works at which, and of the settled beds."""
 
-REQUEST = "task.json"
+REQUEST, PROGRESS = "task.json", "progress.json"
+
+FINISHED, FAILED, IN_USE = 0, 1, 75
+"""Exit statuses of a task's process; the last where another is at the task."""
 
 _DIGITS = 12
 
