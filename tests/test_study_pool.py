@@ -60,7 +60,8 @@ def wait_for(file: Path) -> None:
         time.sleep(0.05)
 
 
-def test_task_is_carried_out_by_one_and_once(tmp_path: Path):
+def test_task_is_carried_out_by_one_and_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("liftdrag.lock.PATIENCE_S", 0.0)
     _, (task, _) = study_in(tmp_path, 5)
     out = tmp_path / "out"
     place = request(task, out)
