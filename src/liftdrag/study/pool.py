@@ -110,13 +110,9 @@ class Pool:
         self.watch.say(f"{task.name}: another liftdrag is at it; waiting")
 
     def _end(self, task: Task, code: int) -> None:
-        state = state_of(task, self.study, folder_of(task, self.study))
-        if not state.finished and not state.reason:
-            said = escaped(_last_line(claim(self.study, task.digest) / SAYS))
-            state = State("failed", f"its process ended with status {code}. {said}".rstrip())
+        state = ended(task, self.study, code)
         self.ended[task.digest] = state
-        why = f", {state.reason}" if state.reason else ""
-        self.watch.say(f"{task.name}: {state.status}{why} ({len(self.ended)} of {self.total})")
+        self.watch.say(told(task, state, len(self.ended), self.total))
 
     def _look_elsewhere(self) -> None:
         """What another process left is done here, unless it has finished."""
@@ -135,6 +131,21 @@ class Pool:
             started.process.terminate()
         for _, started in self.going:
             process.stop(started)
+
+
+def ended(task: Task, study: Path, code: int) -> State:
+    """The state of a task whose process has ended with this status."""
+    state = state_of(task, study, folder_of(task, study))
+    if state.finished or state.reason:
+        return state
+    said = escaped(_last_line(claim(study, task.digest) / SAYS))
+    return State("failed", f"its process ended with status {code}. {said}".rstrip())
+
+
+def told(task: Task, state: State, done: int, total: int) -> str:
+    """What is said of a task that has ended."""
+    why = f", {state.reason}" if state.reason else ""
+    return f"{task.name}: {state.status}{why} ({done} of {total})"
 
 
 def child_command(study: Path, task: Task, ranks: int | None) -> list[str]:

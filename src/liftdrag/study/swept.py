@@ -11,7 +11,7 @@ from liftdrag.cost import cores
 from liftdrag.engines import mpi
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import check_place
-from liftdrag.study import slurm
+from liftdrag.study import slurm, team
 from liftdrag.study.carried import Studied, answer
 from liftdrag.study.drawn import draw
 from liftdrag.study.findings import findings
@@ -38,15 +38,19 @@ def sweep(
 
     `settings` (KEY=VALUE) hold for all runs; `jobs` runs go on at a time in processes of their
     own, each on `ranks` ranks, by default as many as there are cores for; `scale` names one of
-    the study's. A run that fails does not stop the others. Raises InputError for a bad study
-    before anything runs.
+    the study's. Under `mpiexec` its first rank hands the runs out to the others, which end here.
+    A run that fails does not stop the others. Raises InputError for a bad study before anything
+    runs.
     """
-    if mpi.world(program="liftdrag").size > 1:
-        raise InputError("A study starts its runs by itself; start it without mpiexec.")
+    world = mpi.world(program="liftdrag")
+    if world.size > 1 and jobs is not None:
+        raise InputError("Under mpiexec its ranks are used; leave out --jobs.")
     _check_counts(jobs, ranks)
     begun = begin(study, out, settings, scale)
     states = states_of(begun.tasks.values(), begun.folder)
     left = [task for task in begun.tasks.values() if not states[task.digest].finished]
+    if world.size > 1:
+        return conclude(begun, states | dict(team.carry_out(left, begun.folder, ranks or 1, watch)))
     many = jobs or max(1, cores() // (ranks or 1))
     pool = Pool(begun.folder, many, ranks or _ranks(left, many), watch)
     return conclude(begun, states | dict(pool.carry_out(left)))
