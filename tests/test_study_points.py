@@ -89,6 +89,33 @@ def test_scale_is_chosen_by_name(study: Path):
         points(study, "huge")
 
 
+def test_lists_together_are_gone_through_side_by_side(study: Path):
+    """A scale may give those of one of its runs, in place of the run's own."""
+    study.write_text(
+        study.read_text()
+        + """
+[runs.deep]
+case = "{case}"
+grid = {{ "intruder.depth" = ["3 D"] }}
+[runs.deep.together]
+"tank.height" = ["20 d", "24 d", "28 d"]
+"drive.speed" = ["0.1 m/s", "0.2 m/s", "0.3 m/s"]
+[scales.large.runs.deep.together]
+"tank.height" = ["30 d"]
+"drive.speed" = ["0.4 m/s"]
+""".format(case=study.parent / "tiny.toml")
+    )
+    small, large = points(study), points(study, "large")
+    deep = {name: one for name, one in small.items() if one.run == "deep"}
+    assert list(deep) == [f"deep-depth=3D-height={height}d" for height in (20, 24, 28)]
+    assert [one.number("drive.speed") for one in deep.values()] == [0.1, 0.2, 0.3]
+    assert [one.number("tank.height") for one in deep.values()] == pytest.approx(
+        [0.03, 0.036, 0.042]
+    )
+    assert {one.number("drive.speed") for one in large.values() if one.run == "deep"} == {0.4}
+    assert len([one for one in large.values() if one.run == "deep"]) == 3
+
+
 def test_more_runs_than_can_be_are_refused_before_they_are_made(study: Path):
     study.write_text(study.read_text().replace("replicas = 2", "replicas = 5000", 1))
     with pytest.raises(InputError, match="10006 runs, more than 10000"):
@@ -104,6 +131,9 @@ def test_more_runs_than_can_be_are_refused_before_they_are_made(study: Path):
         ("replicas = 2", "replicas = 0", "replicas"),
         ("[runs.plain]", "[runs.'a b']", "runs"),
         ('title = "Depth"', 'title = "D"\nslurm = {nodes = 1}', "slurm.nodes"),
+        ("replicas = 2", 'together = { "tank.height" = [1], "seed" = [1, 2] }', "equally long"),
+        ("replicas = 2", 'together = { "intruder.depth" = [1] }', "keep one"),
+        ("[scales.small]", "[scales.small.runs.none]", "no such run"),
     ],
 )
 def test_bad_grid_is_refused(study: Path, old: str, new: str, says: str):

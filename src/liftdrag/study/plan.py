@@ -1,10 +1,11 @@
 """The study file (TOML): runs, the values that they vary over, claims, pictures and the cluster.
 
 `title`, `[set]` with keys of the case files for all runs, `[grid]` with lists of values of which
-each combination is run, `replicas` with so many seeds of each, `[runs.NAME]` with a `case` and its
-own `set`, `grid` and `replicas`, `[scales.NAME]` of which one holds at a time, the first unless
-asked, `[[claims]]`, `[[pictures]]` and `[slurm]`. A run's own keys go before those of all, and
-those of the scale before both.
+each combination is run, `[together]` with lists of one length that are gone through side by side,
+`replicas` with so many seeds of each, `[runs.NAME]` with a `case` and its own `set`, `grid`,
+`together` and `replicas`, `[scales.NAME]` of which one holds at a time, the first unless asked,
+`[scales.NAME.runs.NAME]` for one run of it, `[[claims]]`, `[[pictures]]` and `[slurm]`. A run's own
+keys go before those of all, those of the scale before both, and those of its run before all.
 """
 
 from __future__ import annotations
@@ -73,21 +74,43 @@ Grid = dict[str, Values]
 """By key of a case, the values that it takes."""
 
 
-class Run(Part):
+class Varied(Part):
+    """Keys of the cases, the values that they take, and so many seeds of each."""
+
+    set: dict[str, Any] = Field(default_factory=dict)
+    grid: Grid = Field(default_factory=dict)
+    together: Grid = Field(default_factory=dict)
+    replicas: Count | None = None
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Varied:
+        lengths = {len(values) for values in self.together.values()}
+        if len(lengths) > 1:
+            raise CaseError(
+                "together", sorted(lengths), "the lists differ in length", "make them equally long"
+            )
+        return self
+
+    def under(self, other: Varied) -> Varied:
+        """Both, where the other's own keys go before these."""
+        return Varied(
+            set=self.set | other.set,
+            grid=self.grid | other.grid,
+            together=other.together or self.together,
+            replicas=other.replicas or self.replicas,
+        )
+
+
+class Run(Varied):
     """One case, with keys and values of its own."""
 
     case: str
-    set: dict[str, Any] = Field(default_factory=dict)
-    grid: Grid = Field(default_factory=dict)
-    replicas: Count | None = None
 
 
-class Scale(Part):
-    """What a study is on a machine of some size."""
+class Scale(Varied):
+    """What a study is on a machine of some size, and some of its runs there."""
 
-    set: dict[str, Any] = Field(default_factory=dict)
-    grid: Grid = Field(default_factory=dict)
-    replicas: Count | None = None
+    runs: dict[Label, Varied] = Field(default_factory=dict)
 
 
 class Claim(Part):
@@ -155,14 +178,11 @@ class Slurm(Part):
         return (self.ntasks or 1) * (self.cpus_per_task or 1)
 
 
-class Plan(Part):
+class Plan(Varied):
     """A study file as read; `engine` is that of all its runs, the usual one when absent."""
 
     title: str
     engine: str | None = None
-    set: dict[str, Any] = Field(default_factory=dict)
-    grid: Grid = Field(default_factory=dict)
-    replicas: Count = 1
     runs: Annotated[dict[Label, Run], Field(min_length=1)]
     scales: dict[Label, Scale] = Field(default_factory=dict)
     claims: list[Claim] = Field(default_factory=list)
@@ -171,6 +191,15 @@ class Plan(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Plan:
+        for name, scale in self.scales.items():
+            for run in scale.runs:
+                if run not in self.runs:
+                    raise CaseError(
+                        f"scales.{name}.runs",
+                        run,
+                        "the study has no such run",
+                        f"choose one of {', '.join(self.runs)}",
+                    )
         for picture in self.pictures:
             if picture.against is None and (picture.over or "x" in picture.logarithmic):
                 raise CaseError(
@@ -180,6 +209,11 @@ class Plan(Part):
                     "name a key of the cases by against",
                 )
         return self
+
+    def varied(self, run: str, scale: Scale) -> Varied:
+        """What a run is made of on this scale."""
+        here = scale.runs.get(run, Varied())
+        return self.under(self.runs[run]).under(scale).under(here)
 
     def scale(self, name: str | None) -> Scale:
         """The scale of this name, the first when none is asked for. Raises InputError."""

@@ -13,7 +13,7 @@ from typing import Any
 from liftdrag.case import Case, load, with_settings
 from liftdrag.errors import CaseError, InputError, shown
 from liftdrag.runner import engine_for
-from liftdrag.study.plan import KNOWN, Grid, Plan, Run, Scale
+from liftdrag.study.plan import KNOWN, Plan, Scale, Varied
 
 MOST = 10_000
 """Runs of a study."""
@@ -62,11 +62,7 @@ def points_of(plan: Plan, scale: str | None, settings: Sequence[str]) -> dict[st
     for setting in settings:
         _check_free(setting.partition("=")[0].strip(), plan, chosen)
     _check_count(plan, chosen)
-    found = [
-        point
-        for name, run in plan.runs.items()
-        for point in _points(name, run, plan, chosen, settings)
-    ]
+    found = [point for name in plan.runs for point in _points(name, plan, chosen, settings)]
     twice = [name for name, count in Counter(point.name for point in found).items() if count > 1]
     if twice:
         raise InputError(f"Two points of the study are called {twice[0]}; rename a run.")
@@ -86,45 +82,55 @@ def expanded(name: str, points: Mapping[str, Point]) -> list[Point]:
     return found
 
 
-def _grid(run: Run, plan: Plan, scale: Scale) -> Grid:
-    return plan.grid | run.grid | scale.grid
-
-
-def _replicas(run: Run, plan: Plan, scale: Scale) -> int:
-    return scale.replicas or run.replicas or plan.replicas
+def _keys(varied: Varied) -> list[str]:
+    return [*varied.grid, *varied.together]
 
 
 def _check_free(key: str, plan: Plan, scale: Scale) -> None:
     """Raise InputError for a setting of a key that the study varies."""
-    if any(key in _grid(run, plan, scale) for run in plan.runs.values()):
-        raise InputError(f"The study varies {shown(key)}; leave out its --set, or edit the grid.")
+    if any(key in _keys(plan.varied(run, scale)) for run in plan.runs):
+        raise InputError(f"The study varies {shown(key)}; leave out its --set, or edit the study.")
 
 
 def _check_count(plan: Plan, scale: Scale) -> None:
-    count = sum(
-        _replicas(run, plan, scale) * prod(map(len, _grid(run, plan, scale).values()))
-        for run in plan.runs.values()
-    )
+    count = sum(_count(plan.varied(run, scale)) for run in plan.runs)
     if count > MOST:
         raise InputError(f"The study has {count} runs, more than {MOST}; divide it.")
 
 
-def _points(
-    name: str, run: Run, plan: Plan, scale: Scale, settings: Sequence[str]
-) -> Iterator[Point]:
-    base = load(run.case)
-    for key, value in (plan.set | run.set | scale.set).items():
+def _check_once(run: str, varied: Varied) -> None:
+    for key in varied.grid.keys() & varied.together.keys():
+        raise InputError(f"The run {run} has {shown(key)} in grid and in together; keep one.")
+
+
+def _count(varied: Varied) -> int:
+    rows = len(next(iter(varied.together.values()), [None]))
+    return (varied.replicas or 1) * rows * prod(map(len, varied.grid.values()))
+
+
+def _points(name: str, plan: Plan, scale: Scale, settings: Sequence[str]) -> Iterator[Point]:
+    varied, base = plan.varied(name, scale), load(plan.runs[name].case)
+    _check_once(name, varied)
+    for key, value in varied.set.items():
         base = base.set(key, value)
-    grid, replicas = _grid(run, plan, scale), _replicas(run, plan, scale)
-    for values in product(*grid.values()):
-        varied = dict(zip(grid, values, strict=True))
+    named = [*varied.grid, *list(varied.together)[:1]]
+    for values in _combinations(varied):
         case = base
-        for key, value in varied.items():
+        for key, value in values.items():
             case = case.set(key, value)
         case = with_settings(case, list(settings))
         engine = engine_for(case, plan.engine).name
-        cases = tuple(_seeded(case, replicas))
-        yield Point(_named(name, varied), name, varied, cases, engine)
+        cases = tuple(_seeded(case, varied.replicas or 1))
+        called = _named(name, {key: values[key] for key in named})
+        yield Point(called, name, values, cases, engine)
+
+
+def _combinations(varied: Varied) -> Iterator[dict[str, Any]]:
+    """The values by key: each combination of the grid with each row of the lists together."""
+    rows = list(zip(*varied.together.values(), strict=True)) or [()]
+    for values in product(*varied.grid.values()):
+        for row in rows:
+            yield dict(zip(_keys(varied), (*values, *row), strict=True))
 
 
 def _seeded(case: Case, replicas: int) -> Iterator[Case]:
