@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 from conftest import TINY, program
 from slurm import asked, cluster, wait
+from typer.testing import CliRunner
 
+from liftdrag.cli import app
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.lock import LOCK
 from liftdrag.study import on_slurm, read, status
@@ -166,9 +168,16 @@ def test_what_no_script_may_hold_is_refused(study: str, line: str):
 
 def test_without_slurm_it_is_said(study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match="sbatch"):
-        on_slurm(study, tmp_path / "out")
+    out = ["--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["sweep", study, *out, "--slurm"])
+    assert isinstance(done.exception, InputError)
+    assert "sbatch" in str(done.exception)
     assert not (tmp_path / "out").exists()
+    shown = CliRunner().invoke(app, ["sweep", study, *out, "--status"])
+    assert shown.exit_code == 0
+    assert "missing     │ 3" in shown.output
+    refused = CliRunner().invoke(app, ["sweep", study, *out, "--status", "--jobs", "2"])
+    assert "--jobs is for runs on this machine" in str(refused.exception)
 
 
 def test_refusal_of_sbatch_is_told_in_a_line(

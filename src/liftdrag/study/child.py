@@ -62,7 +62,8 @@ def _attempted(task: Task, study: Path, place: Path, ranks: int | None) -> int:
     try:
         _run(task, study, place, ranks)
     except RunFailed as failure:
-        end = {"status": failure.status, "reason": _line(failure.reason)}
+        reason = failure.reason.partition(" Go on with: ")[0]
+        end = {"status": failure.status, "reason": _line(reason)}
     except InputError as refusal:
         end = {"status": "refused", "reason": _line(str(refusal))}
     except KeyboardInterrupt:
@@ -95,7 +96,8 @@ def _run(task: Task, study: Path, place: Path, ranks: int | None) -> None:
     progress = _written(place)
     if _cut_short(folder):
         try:
-            resume(task.case, folder, task.engine, None, progress)
+            own = ranks if task.case.tables["scene"] == "drag2d" else None
+            resume(task.case, folder, task.engine, own, progress)
         except InputError as refusal:
             print(f"Run anew: {refusal}", file=sys.stderr)
         else:
