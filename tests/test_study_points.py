@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from math import sqrt
 from pathlib import Path
@@ -13,6 +14,7 @@ from conftest import TINY
 
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.errors import InputError
+from liftdrag.pictures.study import Line
 from liftdrag.study import read
 from liftdrag.study.carried import answer
 from liftdrag.study.drawn import draw
@@ -217,3 +219,32 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", "finished"]
     draw(tmp_path, plan, results)
     assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_picture_against_a_quantity_has_a_line_for_each_run(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """What varies together makes no lines of its own, what is in the grid does."""
+    study.write_text(
+        study.read_text()
+        .replace("grid = {{", "together = {{")
+        .replace("grid = { ", "together = { ")
+        + '[[pictures]]\nfile = "one.png"\ntitle = "One"\nagainst = "effective_depth"\n'
+        'over = "intruder.diameter"\n'
+    )
+    drawn = list[list[Line]]()
+    monkeypatch.setattr(
+        "liftdrag.study.drawn.draw_lines", lambda _title, lines, *_rest: drawn.append(lines)
+    )
+    plan, found = read(str(study)), points(study)
+    one = drag(1.0, 0.1)
+    deep = one.quantities | {"effective_depth": Quantity(0.009, 1e-4, "m", 1.0, 9.0, True)}
+    states = {digest: replace(one, quantities=deep) for digest in distinct(found.values())}
+    draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
+    ((plain_3, plain_4, rough_3, rough_4),) = drawn
+    assert [line.label for line in (plain_3, rough_4)] == [
+        "plain, intruder.depth = 3 D",
+        "rough, intruder.depth = 4 D",
+    ]
+    assert (len(plain_4.places), len(rough_3.places)) == (1, 3)
+    assert rough_3.places == pytest.approx([0.009 / (k * 1.5e-3) for k in (1.5, 1.75, 2.0)])

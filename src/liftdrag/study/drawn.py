@@ -7,7 +7,7 @@ from pathlib import Path
 
 from liftdrag.pictures.study import Axes, Line, draw_bars, draw_lines
 from liftdrag.study.carried import Answer
-from liftdrag.study.plan import Picture, Plan
+from liftdrag.study.plan import Picture, Plan, is_quantity
 from liftdrag.study.points import Point, expanded
 
 
@@ -58,7 +58,7 @@ def _draw_lines(
     lines = []
     for name, group in groups:
         for label, points in _lines(name, group, picture.against or ""):
-            places = [_place(point, picture) for point in points]
+            places = [_place(results[point.name], picture) for point in points]
             found = [results[point.name].quantity(picture.quantity) for point in points]
             lines.append(Line(label, places, found))
     draw_lines(picture.title, lines, _axes(picture), folder / picture.file)
@@ -67,16 +67,17 @@ def _draw_lines(
 def _lines(
     name: str, group: Sequence[Point], against: str
 ) -> Iterator[tuple[str, Sequence[Point]]]:
-    """The points of a group that differ in nothing that is varied but the key, with a label."""
+    """The points of a group that differ in no key of their grid but this one, with a label."""
     found = dict[str, list[Point]]()
     for point in group:
-        others = [f"{key} = {value}" for key, value in point.varied.items() if key != against]
+        others = [f"{key} = {value}" for key, value in point.grid.items() if key != against]
         found.setdefault(", ".join([*([name] if name else []), *others]), []).append(point)
     yield from found.items()
 
 
-def _place(point: Point, picture: Picture) -> float:
-    value = point.number(picture.against or "")
+def _place(found: Answer, picture: Picture) -> float:
+    against, point = picture.against or "", found.point
+    value = found.quantity(against).mean if is_quantity(against) else point.number(against)
     return value / point.number(picture.over) if picture.over else value
 
 

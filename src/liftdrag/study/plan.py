@@ -58,8 +58,13 @@ KNOWN = {
 """What a study may claim or draw of each scene, whatever the engine."""
 
 
+def is_quantity(name: str) -> bool:
+    """Whether some scene answers with it."""
+    return any(name in names for names in KNOWN.values())
+
+
 def _known(name: str) -> str:
-    if not any(name in names for names in KNOWN.values()):
+    if not is_quantity(name):
         raise ValueError(f"no scene has a quantity {shown(name)}")
     return name
 
@@ -136,8 +141,8 @@ class Reference(Part):
 class Picture(Part):
     """Bars of a quantity, a group for each list of runs or points, written to `file`.
 
-    With `against`, a key of the cases, points at its values instead, over those of the key `over`
-    if there is one, and a line for each run, or for each group that is named.
+    With `against`, a key of the cases or another quantity, points at its values instead, over those
+    of the key `over` if there is one, and a line for each run, or for each group that is named.
     """
 
     file: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+\.png$")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from math import prod
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from liftdrag.case import Case, load, with_settings
 from liftdrag.errors import CaseError, InputError, shown
 from liftdrag.runner import engine_for
-from liftdrag.study.plan import KNOWN, Plan, Scale, Varied
+from liftdrag.study.plan import KNOWN, Plan, Scale, Varied, is_quantity
 
 MOST = 10_000
 """Runs of a study."""
@@ -23,7 +23,8 @@ MOST = 10_000
 class Point:
     """A run of the study at one value of each key of its grid, with a case for each seed.
 
-    `varied` has the values by key, as the study gives them.
+    `varied` has the values by key, as the study gives them, `grid` those that go through all
+    combinations.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Point:
     varied: Mapping[str, Any]
     cases: tuple[Case, ...]
     engine: str
+    grid: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -122,7 +124,8 @@ def _points(name: str, plan: Plan, scale: Scale, settings: Sequence[str]) -> Ite
         engine = engine_for(case, plan.engine).name
         cases = tuple(_seeded(case, varied.replicas or 1))
         called = _named(name, {key: values[key] for key in named})
-        yield Point(called, name, values, cases, engine)
+        grid = {key: values[key] for key in varied.grid}
+        yield Point(called, name, values, cases, engine, grid)
 
 
 def _combinations(varied: Varied) -> Iterator[dict[str, Any]]:
@@ -175,7 +178,9 @@ def _check_asked(plan: Plan, points: Mapping[str, Point]) -> None:
         for point in drawn(picture.groups, points):
             _check_quantity(picture.quantity, point)
             for key in (picture.against, picture.over):
-                if key is not None:
+                if key is not None and is_quantity(key):
+                    _check_quantity(key, point)
+                elif key is not None:
                     point.number(key)
 
 
