@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from math import sqrt
+from math import exp, log, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from liftdrag.pictures.study import Line
 from liftdrag.study import read
 from liftdrag.study.carried import answer
 from liftdrag.study.drawn import draw
+from liftdrag.study.findings import growths
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.state import State
 from liftdrag.study.tables import write_tables
@@ -248,3 +249,25 @@ def test_picture_against_a_quantity_has_a_line_for_each_run(
     ]
     assert (len(plain_4.places), len(rough_3.places)) == (1, 3)
     assert rough_3.places == pytest.approx([0.009 / (k * 1.5e-3) for k in (1.5, 1.75, 2.0)])
+
+
+def test_growth_of_a_run_is_fitted_and_written(study: Path, tmp_path: Path):
+    """Points on 30 (1 - exp(-x/5)), x = h~/D: the plateau and 5 ln 10 come back."""
+    study.write_text(
+        study.read_text() + '[[saturations]]\nsays = "the lift"\nrun = "rough"\nquantity = "drag"\n'
+    )
+    plan, found = read(str(study)), points(study)
+    states = dict[str, State]()
+    for k, point in enumerate(found.values()):
+        place = 2.0 + k
+        depth = Quantity(place * point.number("intruder.diameter"), 1e-4, "m", 1.0, 9.0, True)
+        one = drag(30.0 * (1.0 - exp(-place / 5.0)), 0.1)
+        both = one.quantities | {"effective_depth": depth}
+        states |= {task.digest: replace(one, quantities=both) for task in tasks_of(point)}
+    results = {name: answer(point, states) for name, point in found.items()}
+    grown = list(growths(plan, results))
+    write_tables(tmp_path, plan, results, [], grown)
+    row = pd.read_csv(tmp_path / "saturations.csv").iloc[0]
+    assert row.plateau == pytest.approx(30.0, rel=1e-4)
+    assert row.depth == pytest.approx(5.0 * log(10.0), rel=1e-4)
+    assert row.saturates

@@ -257,7 +257,7 @@ def sweep(
 ) -> None:
     """Run what has not finished yet of a study, and weigh its claims."""
     from liftdrag import study as studies
-    from liftdrag.report import claim_table, run_table, state_table
+    from liftdrag.report import claim_table, growth_lines, run_table, state_table
     from liftdrag.sweeping import watched
 
     if slurm or status:
@@ -274,6 +274,8 @@ def sweep(
             found = studies.sweep(study, out, settings, jobs, ranks, scale, watch)
     shown = [state_table(found)] if slurm or status else []
     _print_tables(*shown, run_table(found), *([claim_table(found)] if found.findings else []))
+    for line in growth_lines(found):
+        print(line)
     print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
     if not slurm and not status:
         found.check()

@@ -209,6 +209,21 @@ def _with_error(quantity: Quantity) -> str:
     return " ± ".join(rounded(quantity.mean, quantity.standard_error)) + unit
 
 
+def growth_lines(found: Studied) -> Iterator[str]:
+    """Where each growing quantity of a study saturates, a line for each."""
+    for growth, at in found.growths:
+        over = f" / {growth.over}" if growth.over else ""
+        if not at.saturates:
+            yield f"{growth.says}: {growth.quantity} has no plateau over these points."
+            continue
+        plateau = " ± ".join(rounded(at.plateau, at.plateau_error))
+        depth = " ± ".join(rounded(at.depth, at.depth_error))
+        yield (
+            f"{growth.says}: {growth.quantity} saturates at {plateau}, and has 90 % of it at "
+            f"{growth.against}{over} = {depth} (chi-square {at.chi_square:.1f} of {at.freedom})."
+        )
+
+
 def claim_table(found: Studied) -> Table:
     """What the runs say of each claim."""
     from rich.markup import escape

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,10 @@ import numpy as np
 from liftdrag.analysis.claims import Finding
 from liftdrag.analysis.precision import hidden_scatter, pooled
 from liftdrag.analysis.quantity import Quantity
+from liftdrag.analysis.saturation import Saturation
 from liftdrag.ensemble import PACKINGS, each_of
 from liftdrag.errors import InputError, RunFailed, shown
-from liftdrag.study.plan import Claim, Plan
+from liftdrag.study.plan import Claim, Growth, Plan, is_quantity
 from liftdrag.study.points import Point
 from liftdrag.study.state import STATUSES, State
 from liftdrag.study.tasks import Task, tasks_of
@@ -45,6 +46,12 @@ class Answer:
                 f"{', '.join(self.quantities)}."
             )
         return self.quantities[name]
+
+    def place(self, against: str, over: str | None = None) -> float:
+        """The number of a key or a quantity, over that of the key `over` where there is one."""
+        own = is_quantity(against)
+        value = self.quantity(against).mean if own else self.point.number(against)
+        return value / self.point.number(over) if over else value
 
     def each(self, name: str) -> np.ndarray | None:
         """The quantity of each packing (n,) of an ensemble, None where it is of one series."""
@@ -82,6 +89,7 @@ class Studied:
     folder: Path
     results: Mapping[str, Answer]
     findings: list[tuple[Claim, Finding]]
+    growths: list[tuple[Growth, Saturation]] = field(default_factory=list)
 
     @property
     def unfinished(self) -> Iterator[tuple[str, State]]:

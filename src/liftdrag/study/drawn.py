@@ -7,7 +7,7 @@ from pathlib import Path
 
 from liftdrag.pictures.study import Axes, Line, draw_bars, draw_lines
 from liftdrag.study.carried import Answer
-from liftdrag.study.plan import Picture, Plan, is_quantity
+from liftdrag.study.plan import Picture, Plan
 from liftdrag.study.points import Point, expanded
 
 
@@ -58,8 +58,9 @@ def _draw_lines(
     lines = []
     for name, group in groups:
         for label, points in _lines(name, group, picture.against or ""):
-            places = [_place(results[point.name], picture) for point in points]
-            found = [results[point.name].quantity(picture.quantity) for point in points]
+            answers = [results[point.name] for point in points]
+            places = [one.place(picture.against or "", picture.over) for one in answers]
+            found = [one.quantity(picture.quantity) for one in answers]
             lines.append(Line(label, places, found))
     draw_lines(picture.title, lines, _axes(picture), folder / picture.file)
 
@@ -73,12 +74,6 @@ def _lines(
         others = [f"{key} = {value}" for key, value in point.grid.items() if key != against]
         found.setdefault(", ".join([*([name] if name else []), *others]), []).append(point)
     yield from found.items()
-
-
-def _place(found: Answer, picture: Picture) -> float:
-    against, point = picture.against or "", found.point
-    value = found.quantity(against).mean if is_quantity(against) else point.number(against)
-    return value / point.number(picture.over) if picture.over else value
 
 
 def _axes(picture: Picture) -> Axes:

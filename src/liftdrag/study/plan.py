@@ -4,8 +4,9 @@
 each combination is run, `[together]` with lists of one length that are gone through side by side,
 `replicas` with so many seeds of each, `[runs.NAME]` with a `case` and its own `set`, `grid`,
 `together` and `replicas`, `[scales.NAME]` of which one holds at a time, the first unless asked,
-`[scales.NAME.runs.NAME]` for one run of it, `[[claims]]`, `[[pictures]]` and `[slurm]`. A run's own
-keys go before those of all, those of the scale before both, and those of its run before all.
+`[scales.NAME.runs.NAME]` for one run of it, `[[claims]]`, `[[saturations]]`, `[[pictures]]` and
+`[slurm]`. A run's own keys go before those of all, those of the scale before both, and those of
+its run before all.
 """
 
 from __future__ import annotations
@@ -131,6 +132,19 @@ class Claim(Part):
     quantity: QuantityName = "drag"
 
 
+class Growth(Part):
+    """How a quantity of a run grows over another, or a key, to a plateau: where it has 90 % of it.
+
+    In the unit of `against`, or in that of the key `over` of the cases.
+    """
+
+    says: str
+    run: str
+    quantity: QuantityName = "lift_coefficient"
+    against: str = "effective_depth"
+    over: str | None = "intruder.diameter"
+
+
 class Reference(Part):
     """A level to compare a picture with, in the unit of its quantity."""
 
@@ -191,6 +205,7 @@ class Plan(Varied):
     runs: Annotated[dict[Label, Run], Field(min_length=1)]
     scales: dict[Label, Scale] = Field(default_factory=dict)
     claims: list[Claim] = Field(default_factory=list)
+    saturations: list[Growth] = Field(default_factory=list)
     pictures: list[Picture] = Field(default_factory=list)
     slurm: Slurm = Slurm()
 

@@ -172,16 +172,25 @@ def _check_asked(plan: Plan, points: Mapping[str, Point]) -> None:
                     f"name one of them, such as {found[0].name}."
                 )
             _check_quantity(claim.quantity, found[0])
+    for growth in plan.saturations:
+        for point in expanded(growth.run, points):
+            _check_quantity(growth.quantity, point)
+            _check_places(point, growth.against, growth.over)
     for picture in plan.pictures:
         for name in (name for group in picture.groups or [] for name in group):
             expanded(name, points)
         for point in drawn(picture.groups, points):
             _check_quantity(picture.quantity, point)
-            for key in (picture.against, picture.over):
-                if key is not None and is_quantity(key):
-                    _check_quantity(key, point)
-                elif key is not None:
-                    point.number(key)
+            _check_places(point, picture.against, picture.over)
+
+
+def _check_places(point: Point, against: str | None, over: str | None) -> None:
+    if against is not None and is_quantity(against):
+        _check_quantity(against, point)
+    elif against is not None:
+        point.number(against)
+    if over is not None:
+        point.number(over)
 
 
 def drawn(groups: Sequence[Sequence[str]] | None, points: Mapping[str, Point]) -> list[Point]:

@@ -14,7 +14,7 @@ from liftdrag.folder import check_place
 from liftdrag.study import slurm, team
 from liftdrag.study.carried import Studied, answer
 from liftdrag.study.drawn import draw
-from liftdrag.study.findings import findings
+from liftdrag.study.findings import findings, growths
 from liftdrag.study.plan import Plan, default_folder, read
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.pool import Pool, Watch
@@ -112,15 +112,16 @@ def conclude(begun: Begun, states: Mapping[str, State]) -> Studied:
     """What the runs that have finished say, also in the study's folder. Raises RunFailed."""
     results = {name: answer(point, states) for name, point in begun.points.items()}
     found = list(findings(begun.plan, results))
+    grown = list(growths(begun.plan, results))
     try:
         begun.folder.mkdir(parents=True, exist_ok=True)
-        write_tables(begun.folder, begun.plan, results, found)
+        write_tables(begun.folder, begun.plan, results, found, grown)
         draw(begun.folder, begun.plan, results)
     except OSError as error:
         status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
         where = f"Nothing was written to {begun.folder}"
         raise RunFailed(status, f"{where}: {error.strerror}.") from None
-    return Studied(begun.plan, begun.folder, results, found)
+    return Studied(begun.plan, begun.folder, results, found, grown)
 
 
 def _check_counts(jobs: int | None, ranks: int | None) -> None:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from liftdrag.analysis.claims import Finding
 from liftdrag.analysis.quantity import Quantity
+from liftdrag.analysis.saturation import Saturation
 from liftdrag.scene import TankScene
 from liftdrag.study.carried import Answer
-from liftdrag.study.plan import Claim, Plan
+from liftdrag.study.plan import Claim, Growth, Plan
 from liftdrag.study.points import Point
 from liftdrag.study.state import State
 from liftdrag.study.tasks import Task
@@ -23,7 +24,7 @@ from liftdrag.study.tasks import Task
 if TYPE_CHECKING:
     import pandas as pd
 
-POINTS, RUNS_TABLE, CLAIMS = "points", "runs", "claims"
+POINTS, RUNS_TABLE, CLAIMS, SATURATIONS = "points", "runs", "claims", "saturations"
 
 
 def write_tables(
@@ -31,8 +32,9 @@ def write_tables(
     plan: Plan,
     results: Mapping[str, Answer],
     found: Iterable[tuple[Claim, Finding]],
+    grown: Iterable[tuple[Growth, Saturation]] = (),
 ) -> None:
-    """`points`, `runs` and `claims`. Raises OSError."""
+    """`points`, `runs`, `claims` and `saturations`. Raises OSError."""
     import pandas as pd
 
     keys = varied_keys(plan, results.values())
@@ -45,6 +47,9 @@ def write_tables(
         for claim, finding in found
     ]
     pd.DataFrame(claims).to_csv(folder / f"{CLAIMS}.csv", index=False)
+    plateaus = [growth.model_dump() | vars(saturation) for growth, saturation in grown]
+    if plateaus:
+        pd.DataFrame(plateaus).to_csv(folder / f"{SATURATIONS}.csv", index=False)
 
 
 def _write(table: pd.DataFrame, path: Path) -> None:
