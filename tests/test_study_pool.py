@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from conftest import TINY, program
 
 from liftdrag.lock import held, is_held
-from liftdrag.study.child import carry_out
+from liftdrag.study.child import _leave_jobs, carry_out
 from liftdrag.study.pool import Pool, Scene, Watch
 from liftdrag.study.state import END, state_of
 from liftdrag.study.swept import begin
@@ -112,6 +113,17 @@ def test_failure_is_written_down_in_a_line(tmp_path: Path, monkeypatch: pytest.M
     reason = json.loads((claim(out, broken.digest) / END).read_text())["reason"]
     assert str(lmp) in reason
     assert "\n" not in reason
+
+
+def test_run_is_no_part_of_the_job_that_it_is_started_in(monkeypatch: pytest.MonkeyPatch):
+    """Launchers would otherwise start the ranks by srun, out of sight of their lock."""
+    for name in ("SLURM_JOB_ID", "SLURM_PROCID", "PMI_RANK", "OMPI_COMM_WORLD_SIZE"):
+        monkeypatch.setenv(name, "3")
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    before = {name for name in os.environ if not name.startswith(("SLURM_", "PMI_", "OMPI_"))}
+    _leave_jobs()
+    assert set(os.environ) == before
+    assert os.environ["OMP_NUM_THREADS"] == "1"
 
 
 def test_request_that_was_changed_is_written_again(tmp_path: Path):
