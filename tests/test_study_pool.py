@@ -16,7 +16,7 @@ from conftest import TINY, program
 
 from liftdrag.lock import held, is_held
 from liftdrag.study.child import _leave_jobs, carry_out
-from liftdrag.study.pool import Pool, Scene, Watch
+from liftdrag.study.pool import SAYS, Pool, Scene, Watch, ended
 from liftdrag.study.state import END, state_of
 from liftdrag.study.swept import begin
 from liftdrag.study.tasks import (
@@ -124,6 +124,16 @@ def test_run_is_no_part_of_the_job_that_it_is_started_in(monkeypatch: pytest.Mon
     _leave_jobs()
     assert set(os.environ) == before
     assert os.environ["OMP_NUM_THREADS"] == "1"
+
+
+def test_process_that_dies_without_a_word_is_a_failure_with_its_last_line(tmp_path: Path):
+    _, (task, _) = study_in(tmp_path, 5)
+    (request(task, tmp_path) / SAYS).write_text("one\nout of memory\n\n")
+    found = ended(task, tmp_path, -9)
+    assert (found.status, found.reason) == (
+        "failed",
+        "its process ended with status -9. out of memory",
+    )
 
 
 def test_request_that_was_changed_is_written_again(tmp_path: Path):
