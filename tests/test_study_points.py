@@ -18,7 +18,7 @@ from liftdrag.study.carried import answer
 from liftdrag.study.drawn import draw
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.state import State
-from liftdrag.study.tables import write_tables
+from liftdrag.study.tables import _write, write_tables
 from liftdrag.study.tasks import Task, distinct, tasks_of
 
 STUDY = """
@@ -185,5 +185,13 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     np.testing.assert_array_equal(same["mean"], rows["mean"])
     runs = pd.read_csv(tmp_path / "runs.csv")
     assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", "finished"]
+    assert list(rows.columns[5:8]) == ["grains.friction", "drive.distance", "intruder.depth"]
     draw(tmp_path, plan, results)
     assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_table_of_words_and_numbers_goes_to_parquet_as_words(tmp_path: Path):
+    _write(pd.DataFrame({"key": ["soft", 1.5, None], "mean": [1.0, 2.0, 3.0]}), tmp_path / "t")
+    found = pd.read_parquet(tmp_path / "t.parquet")
+    assert list(found["key"][:2]) == ["soft", "1.5"]
+    assert pd.isna(found["key"][2])

@@ -16,7 +16,7 @@ from conftest import TINY, program
 
 from liftdrag.lock import held, is_held
 from liftdrag.study.child import _leave_jobs, carry_out
-from liftdrag.study.pool import SAYS, Pool, Scene, Watch, ended
+from liftdrag.study.pool import SAYS, Pool, View, Watch, ended
 from liftdrag.study.state import END, state_of
 from liftdrag.study.swept import begin
 from liftdrag.study.tasks import (
@@ -83,7 +83,7 @@ def test_pool_waits_for_what_another_process_is_at(tmp_path: Path):
     """The holder lets go without having done it, and the task is done here."""
     _, (task, _) = study_in(tmp_path, 5)
     out, lines = tmp_path / "out", list[str]()
-    scenes, own = list[Scene](), ExitStack()
+    views, own = list[View](), ExitStack()
     own.enter_context(held(request(task, out)))
 
     def say(words: str) -> None:
@@ -91,14 +91,14 @@ def test_pool_waits_for_what_another_process_is_at(tmp_path: Path):
         if "another" in words:
             own.close()
 
-    done = Pool(out, 1, None, Watch(scenes.append, say)).carry_out([task])
+    done = Pool(out, 1, None, Watch(views.append, say)).carry_out([task])
     assert done[task.digest].finished
     assert [line.partition(": ")[2] for line in lines] == [
         "another liftdrag is at it; waiting",
         "started",
         "finished (1 of 1)",
     ]
-    assert (scenes[-1].ended, scenes[-1].total) == (1, 1)
+    assert (views[-1].ended, views[-1].total) == (1, 1)
 
 
 def test_failure_is_written_down_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -168,9 +168,7 @@ def test_live_table_has_a_row_for_each_run_that_goes_on(tmp_path: Path):
     from liftdrag.study.pool import Row
 
     with (tmp_path / "said").open("w") as file:
-        shown = table(
-            Scene([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7)
-        )
+        shown = table(View([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7))
         Console(file=file, width=80).print(shown)
     said = (tmp_path / "said").read_text()
     assert "25 %" in said
