@@ -21,7 +21,7 @@ from liftdrag.study.drawn import draw
 from liftdrag.study.findings import growths
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.state import State
-from liftdrag.study.tables import write_tables
+from liftdrag.study.tables import _write, write_tables
 from liftdrag.study.tasks import Task, distinct, tasks_of
 
 STUDY = """
@@ -218,6 +218,7 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     np.testing.assert_array_equal(same["mean"], rows["mean"])
     runs = pd.read_csv(tmp_path / "runs.csv")
     assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", "finished"]
+    assert list(rows.columns[5:8]) == ["grains.friction", "drive.distance", "intruder.depth"]
     draw(tmp_path, plan, results)
     assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
 
@@ -227,9 +228,7 @@ def test_picture_against_a_quantity_has_a_line_for_each_run(
 ):
     """What varies together makes no lines of its own, what is in the grid does."""
     study.write_text(
-        study.read_text()
-        .replace("grid = {{", "together = {{")
-        .replace("grid = { ", "together = { ")
+        study.read_text().replace("grid = { ", "together = { ")
         + '[[pictures]]\nfile = "one.png"\ntitle = "One"\nagainst = "effective_depth"\n'
         'over = "intruder.diameter"\n'
     )
@@ -271,3 +270,10 @@ def test_growth_of_a_run_is_fitted_and_written(study: Path, tmp_path: Path):
     assert row.plateau == pytest.approx(30.0, rel=1e-4)
     assert row.depth == pytest.approx(5.0 * log(10.0), rel=1e-4)
     assert row.saturates
+
+
+def test_table_of_words_and_numbers_goes_to_parquet_as_words(tmp_path: Path):
+    _write(pd.DataFrame({"key": ["soft", 1.5, None], "mean": [1.0, 2.0, 3.0]}), tmp_path / "t")
+    found = pd.read_parquet(tmp_path / "t.parquet")
+    assert list(found["key"][:2]) == ["soft", "1.5"]
+    assert pd.isna(found["key"][2])

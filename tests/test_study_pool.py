@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -14,8 +15,8 @@ import pytest
 from conftest import TINY, program
 
 from liftdrag.lock import held, is_held
-from liftdrag.study.child import carry_out
-from liftdrag.study.pool import Pool, Scene, Watch
+from liftdrag.study.child import _leave_jobs, carry_out
+from liftdrag.study.pool import SAYS, Pool, View, Watch, ended
 from liftdrag.study.state import END, state_of
 from liftdrag.study.swept import begin
 from liftdrag.study.tasks import (
@@ -82,7 +83,7 @@ def test_pool_waits_for_what_another_process_is_at(tmp_path: Path):
     """The holder lets go without having done it, and the task is done here."""
     _, (task, _) = study_in(tmp_path, 5)
     out, lines = tmp_path / "out", list[str]()
-    scenes, own = list[Scene](), ExitStack()
+    views, own = list[View](), ExitStack()
     own.enter_context(held(request(task, out)))
 
     def say(words: str) -> None:
@@ -90,14 +91,14 @@ def test_pool_waits_for_what_another_process_is_at(tmp_path: Path):
         if "another" in words:
             own.close()
 
-    done = Pool(out, 1, None, Watch(scenes.append, say)).carry_out([task])
+    done = Pool(out, 1, None, Watch(views.append, say)).carry_out([task])
     assert done[task.digest].finished
     assert [line.partition(": ")[2] for line in lines] == [
         "another liftdrag is at it; waiting",
         "started",
         "finished (1 of 1)",
     ]
-    assert (scenes[-1].ended, scenes[-1].total) == (1, 1)
+    assert (views[-1].ended, views[-1].total) == (1, 1)
 
 
 def test_failure_is_written_down_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -112,6 +113,27 @@ def test_failure_is_written_down_in_a_line(tmp_path: Path, monkeypatch: pytest.M
     reason = json.loads((claim(out, broken.digest) / END).read_text())["reason"]
     assert str(lmp) in reason
     assert "\n" not in reason
+
+
+def test_run_is_no_part_of_the_job_that_it_is_started_in(monkeypatch: pytest.MonkeyPatch):
+    """Launchers would otherwise start the ranks by srun, out of sight of their lock."""
+    for name in ("SLURM_JOB_ID", "SLURM_PROCID", "PMI_RANK", "OMPI_COMM_WORLD_SIZE"):
+        monkeypatch.setenv(name, "3")
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    before = {name for name in os.environ if not name.startswith(("SLURM_", "PMI_", "OMPI_"))}
+    _leave_jobs()
+    assert set(os.environ) == before
+    assert os.environ["OMP_NUM_THREADS"] == "1"
+
+
+def test_process_that_dies_without_a_word_is_a_failure_with_its_last_line(tmp_path: Path):
+    _, (task, _) = study_in(tmp_path, 5)
+    (request(task, tmp_path) / SAYS).write_text("one\nout of memory\n\n")
+    found = ended(task, tmp_path, -9)
+    assert (found.status, found.reason) == (
+        "failed",
+        "its process ended with status -9. out of memory",
+    )
 
 
 def test_request_that_was_changed_is_written_again(tmp_path: Path):
@@ -146,9 +168,7 @@ def test_live_table_has_a_row_for_each_run_that_goes_on(tmp_path: Path):
     from liftdrag.study.pool import Row
 
     with (tmp_path / "said").open("w") as file:
-        shown = table(
-            Scene([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7)
-        )
+        shown = table(View([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7))
         Console(file=file, width=80).print(shown)
     said = (tmp_path / "said").read_text()
     assert "25 %" in said

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from liftdrag.cost.estimate import duration
-from liftdrag.study.pool import Scene, Watch
+from liftdrag.study.pool import View, Watch
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -27,19 +27,19 @@ def watched() -> Iterator[Watch]:
     console = Console(stderr=True)
     with Live(console=console, transient=True, refresh_per_second=4) as live:
         yield Watch(
-            look=lambda scene: live.update(table(scene)),
+            look=lambda view: live.update(table(view)),
             say=lambda words: console.print(escape(words), highlight=False),
         )
 
 
-def table(scene: Scene) -> Table:
+def table(view: View) -> Table:
     """The runs that go on: stage, share done and time left of the stage."""
     from rich.table import Table
 
-    result = Table(caption=f"{scene.ended} of {scene.total} have ended")
+    result = Table(caption=f"{view.ended} of {view.total} have ended")
     for heading in ("run", "stage", "done", "left"):
         result.add_column(heading)
-    for row in scene.rows:
+    for row in view.rows:
         share = "" if row.share is None else f"{100.0 * row.share:.0f} %"
         left = "" if row.left_s is None else duration(row.left_s)
         result.add_row(row.name, row.stage, share, left)

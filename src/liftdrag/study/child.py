@@ -152,6 +152,15 @@ def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
+def _leave_jobs() -> None:
+    """Start engines on this machine, by themselves: not as ranks or steps of a job around us."""
+    alone = mpi.outside(os.environ)
+    for name in list(os.environ):
+        if name not in alone or name.startswith("SLURM_"):
+            del os.environ[name]
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
 def main() -> NoReturn:
     """Entry point; never returns."""
     parser = argparse.ArgumentParser(prog="python -m liftdrag.study.child")
@@ -162,12 +171,10 @@ def main() -> NoReturn:
     asked = parser.parse_args()
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
-    for name in set(os.environ) - set(mpi.outside(os.environ)):
-        del os.environ[name]
-    os.environ["OMP_NUM_THREADS"] = "1"
-    use_beds(asked.study)
     try:
         digest = asked.task or _listed(asked.list)
+        _leave_jobs()
+        use_beds(asked.study)
         sys.exit(carry_out(asked.study, digest, asked.ranks))
     except InputError as refusal:
         sys.exit(str(refusal))

@@ -33,7 +33,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Scene:
+class View:
     """How far a pool is: the tasks that go on, those that `ended`, and how many there are."""
 
     rows: Sequence[Row]
@@ -45,7 +45,7 @@ class Scene:
 class Watch:
     """Who is told: of each look at the pool, and in words of each task that starts or ends."""
 
-    look: Callable[[Scene], None] = lambda _scene: None
+    look: Callable[[View], None] = lambda _view: None
     say: Callable[[str], None] = lambda _words: None
 
 
@@ -76,7 +76,7 @@ class Pool:
                 time.sleep(POLL_S)
                 self._reap()
                 self._look_elsewhere()
-                self.watch.look(self._scene())
+                self.watch.look(self._view())
         finally:
             self._stop()
         return self.ended
@@ -121,10 +121,10 @@ class Pool:
                 self.elsewhere.remove(task)
                 self.waiting.append(task)
 
-    def _scene(self) -> Scene:
+    def _view(self) -> View:
         rows = [_row(task, claim(self.study, task.digest)) for task, _ in self.going]
         away = [Row(task.name, "elsewhere", None, None) for task in self.elsewhere]
-        return Scene([*rows, *away], len(self.ended), self.total)
+        return View([*rows, *away], len(self.ended), self.total)
 
     def _stop(self) -> None:
         for _, started in self.going:

@@ -6,13 +6,13 @@ still to come, so that none is submitted twice.
 
 from __future__ import annotations
 
-import getpass
 import re
 import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from liftdrag.errors import InputError, RunFailed, escaped
@@ -60,7 +60,7 @@ def queued(study: Path) -> set[str]:
     jobs.pop("", None)
     if not jobs:
         return set()
-    said = _asked(["squeue", "-h", "-r", "-u", getpass.getuser(), "-o", "%F %K %T"], study)
+    said = _asked(["squeue", "-h", "-r", "--me", "-o", "%F %K %T"], study)
     found = set[str]()
     for job, element, state in (line.split() for line in said.splitlines()):
         if job in jobs and state in COMING and element.isdecimal():
@@ -68,18 +68,23 @@ def queued(study: Path) -> set[str]:
     return found
 
 
+@contextmanager
+def submitting(study: Path) -> Iterator[None]:
+    """For the block nobody else submits runs of the study. Raises InputError."""
+    (study / JOBS).mkdir(parents=True, exist_ok=True)
+    with held(study / JOBS):
+        yield
+
+
 def submit(tasks: Sequence[Task], study: Path, asked: Slurm) -> list[str]:
     """Submit these tasks; the numbers of the jobs. Raises InputError and RunFailed.
 
     Of several arrays each waits for the one before where there is a limit on how many runs go on.
     """
-    (study / JOBS).mkdir(parents=True, exist_ok=True)
     jobs = list[str]()
-    with held(study / JOBS):
-        for first in range(0, len(tasks), MOST):
-            some = tasks[first : first + MOST]
-            after = jobs[-1] if jobs and asked.array_limit else None
-            jobs.append(_submitted(some, study, asked, after))
+    for first in range(0, len(tasks), MOST):
+        after = jobs[-1] if jobs and asked.array_limit else None
+        jobs.append(_submitted(tasks[first : first + MOST], study, asked, after))
     return jobs
 
 

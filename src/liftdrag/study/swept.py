@@ -69,9 +69,10 @@ def on_slurm(
     """
     slurm.check_sbatch()
     begun = begin(study, out, settings, scale)
-    states = slurm.with_queue(states_of(begun.tasks.values(), begun.folder), begun.folder)
-    left = [task for task in begun.tasks.values() if states[task.digest].status in LEFT]
-    jobs = slurm.submit(left, begun.folder, begun.plan.slurm) if left else []
+    with slurm.submitting(begun.folder):
+        states = slurm.with_queue(states_of(begun.tasks.values(), begun.folder), begun.folder)
+        left = [task for task in begun.tasks.values() if states[task.digest].status in LEFT]
+        jobs = slurm.submit(left, begun.folder, begun.plan.slurm)
     return conclude(begun, states | {task.digest: State("queued") for task in left}), jobs
 
 

@@ -55,6 +55,9 @@ def write_tables(
 def _write(table: pd.DataFrame, path: Path) -> None:
     table.to_csv(path.with_suffix(".csv"), index=False)
     if find_spec("pyarrow"):
+        for name in table:
+            if table[name].dtype == object:
+                table[name] = table[name].map(str, na_action="ignore")
         table.to_parquet(path.with_suffix(".parquet"), index=False)
 
 
