@@ -380,6 +380,25 @@ def analyze(
 
 
 @app.command()
+def report(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folders of runs, replicas or studies."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="File to write; by default report.html in the folder, or here for several."
+        ),
+    ] = None,
+) -> None:
+    """Show runs on one page of HTML: answers, pictures, series, papers' numbers, provenance."""
+    from liftdrag.page import report as write
+
+    print(f"The page is {write(folders, out)}")
+
+
+@app.command()
 def doctor(
     engine: Annotated[
         str | None, typer.Option(help="Only this engine; by default each that is installed.")
