@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from liftdrag.errors import InputError
+from liftdrag.errors import InputError, escaped
 from liftdrag.folder import put
 from liftdrag.page.rendered import rendered
 from liftdrag.page.shown import shown_all
@@ -26,7 +26,9 @@ def report(folders: Sequence[Path], out: Path | None = None) -> Path:
     try:
         put(place, page)
     except OSError as error:
-        raise InputError(f"--out {place} cannot be written: {error.strerror}.") from None
+        raise InputError(
+            f"--out {escaped(str(place))} cannot be written: {error.strerror}."
+        ) from None
     return place
 
 
@@ -35,5 +37,7 @@ def _place(folders: Sequence[Path], out: Path | None) -> Path:
     if out is None:
         return (folders[0] if len(folders) == 1 else Path()) / "report.html"
     if out.suffix.lower() not in ENDINGS:
-        raise InputError(f"--out {out} is no page of HTML; give it a name that ends in .html.")
+        raise InputError(
+            f"--out {escaped(str(out))} is no page of HTML; give it a name that ends in .html."
+        )
     return out

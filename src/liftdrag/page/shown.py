@@ -16,7 +16,7 @@ from liftdrag.page.last_words import last_words
 from liftdrag.page.pictures import Picture, pictures
 from liftdrag.page.record import RunRecord, is_run, read_record
 from liftdrag.page.sheets import Sheet
-from liftdrag.page.study import is_study, study_sheets
+from liftdrag.page.study import is_study, runs_in, study_sheets
 
 LEADING = {
     "tank": ("drag", "lift", "drag_coefficient", "lift_coefficient"),
@@ -110,16 +110,15 @@ def _run(folder: Path, record: RunRecord, anchor: str) -> Shown:
 
 def _replicas(folder: Path, anchor: str) -> Shown:
     record = read_record(folder, replicas.CASE)
-    places = sorted(path.parent for path in folder.glob("replica-*/run.json"))
-    done = {place.name: read_record(place) for place in places}
-    whole = _run(folder, record, anchor)
-    first = places[0] if places else folder
+    done = runs_in(folder)
+    whole, first = _run(folder, record, anchor), folder / next(iter(done), "")
     return Shown(
         **vars(whole)
         | {
             "answers": [*whole.answers, *_filled([_runs("Each replica", done)])],
             "pictures": [*whole.pictures, *pictures(first)],
             "charts": whole.charts or charts(first, record),
+            "folded": [*_filled([sheets.numerics(first)]), *whole.folded],
             "reasons": [*whole.reasons, *_failures(done)],
         }
     )
@@ -131,7 +130,7 @@ def _failures(done: Mapping[str, RunRecord]) -> Iterator[str]:
 
 
 def _study(folder: Path, anchor: str) -> Shown:
-    done = {path.parent.name: read_record(path.parent) for path in _records(folder)}
+    done = runs_in(folder)
     unfinished = [name for name, record in done.items() if not record.finished]
     return Shown(
         anchor,
@@ -143,10 +142,6 @@ def _study(folder: Path, anchor: str) -> Shown:
         answers=_filled([_runs("Runs", done), *study_sheets(folder)]),
         pictures=pictures(folder),
     )
-
-
-def _records(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*/run.json"))
 
 
 def _runs(caption: str, done: Mapping[str, RunRecord]) -> Sheet:

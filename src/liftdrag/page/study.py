@@ -8,14 +8,28 @@ from pathlib import Path
 
 from liftdrag.analysis.quantity import rounded
 from liftdrag.files import is_file
+from liftdrag.folder import RECORD
+from liftdrag.page.record import RunRecord, is_run, read_record
 from liftdrag.page.sheets import Sheet, text, words
+from liftdrag.replicas import CASE, is_replicas
 
 RUNS, CLAIMS = "runs.csv", "claims.csv"
 
 
 def is_study(folder: Path) -> bool:
     """Whether a folder holds a study, or folders of runs."""
-    return is_file(folder / RUNS) or is_file(folder / CLAIMS) or any(folder.glob("*/run.json"))
+    return is_file(folder / RUNS) or is_file(folder / CLAIMS) or bool(runs_in(folder))
+
+
+def runs_in(folder: Path) -> dict[str, RunRecord]:
+    """The records of the runs in the folders of a folder, by their names."""
+    kinds = {RECORD: is_run, CASE: is_replicas}
+    return {
+        place.name: read_record(place, begun)
+        for place in sorted(folder.iterdir())
+        for begun, holds in kinds.items()
+        if holds(place)
+    }
 
 
 def study_sheets(folder: Path) -> Iterator[Sheet]:
