@@ -195,6 +195,7 @@ def run(
     from liftdrag.replicas import spread
     from liftdrag.resume import resume as go_on
     from liftdrag.runner import run as run_case
+    from liftdrag.trajectory import offer
 
     timeout_s = None if timeout is None else seconds(timeout, "--timeout")
     if resume:
@@ -226,6 +227,9 @@ def run(
                 chosen, replicas, out, engine, progress, engine_path, ignored, bench
             )
     _show(result, as_json)
+    if dump:
+        opened = offer(result.folder)
+        print(opened, file=sys.stderr if as_json else sys.stdout)
 
 
 @app.command()
@@ -396,6 +400,16 @@ def report(
     from liftdrag.page import report as write
 
     print(f"The page is {write(folders, out)}")
+
+
+@app.command()
+def vtk(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run with --dump.")],
+) -> None:
+    """Write the trajectory of a run for ParaView; OVITO opens trajectory.dump itself."""
+    from liftdrag.trajectory import write_vtk
+
+    print(f"ParaView opens {write_vtk(folder)}")
 
 
 @app.command()
