@@ -21,12 +21,16 @@ from liftdrag import replicas
 from liftdrag.analysis.quantity import Quantity, rounded
 from liftdrag.case import load
 from liftdrag.cli import main
+from liftdrag.deck.template import template
 from liftdrag.folder import put
 from liftdrag.page import report
 from liftdrag.page.chart import HEIGHT, WIDTH, charts
 from liftdrag.page.comparison import REFERENCES, compared
 from liftdrag.page.record import RunRecord
 from liftdrag.result import Result
+from liftdrag.runner import run
+
+CSS = "report.css.j2"
 
 HOSTILE = '<script>alert(1)</script>"><img src=x onerror=alert(1)> & \x1b[31m'
 
@@ -192,7 +196,7 @@ def test_several_come_with_a_table_of_them_all(tank: Result, tmp_path: Path):
             *(tank.record["quantities"]["drag_coefficient"][k] for k in ("mean", "standard_error"))
         )
     )
-    assert [one["href"] for one in page.all("a")] == ["#run-1", "#run-2"]
+    assert [one["href"] for one in page.all("a")] == ["#run-1", "#run-2", "#all", "#all"]
 
 
 @pytest.mark.parametrize(
@@ -313,6 +317,12 @@ def test_a_paper_is_compared_with_its_own_case_only():
     (other,) = compared(lid.set("tank.thickness", "9 d").tables, found)
     assert other.difference == "not the paper's case, which has another tank.thickness"
     assert compared({"scene": "unknown"}, found) == []
+    lifts = {"lift_coefficient": Quantity(30, 4, "1", None, 9, True)}
+    assert [row.there for row in compared(lid.tables, lifts)] == ["30.0 ± 3.0"]
+    (none,) = compared(load("guillard2014/lid-only").tables, lifts)
+    assert (none.there, none.difference) == ("0", "+7.5 combined standard errors")
+    both = compared(load("zhou/c1").tables, {"drag": Quantity(1295, 50, "N", None, 9, True)})
+    assert [row.there for row in both] == ["1295 ± 104 N", "1405 ± 107 N"]
     (balance,) = compared(
         {"scene": "janssen"}, {"weight_balance": Quantity(1.1, 0.05, "1", None, 9, True)}
     )
@@ -403,6 +413,56 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(
     with pytest.raises(OSError, match="No space"):
         put(page, "new")
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("page.html", "old")]
+
+
+def test_the_series_of_a_run_that_was_cut_short_is_drawn(tmp_path: Path):
+    (tmp_path / "forces.dat").write_text(
+        "# Time-averaged data for fix forces\n# TimeStep v_drag v_lift\n10 1 0\n20 3 0\n30 2 0\n"
+    )
+    known = RunRecord.model_validate({"case": "x", "scene": "tank", "status": "timeout"})
+    drag, lift = charts(tmp_path, known)
+    assert drag.summary == "drag against time step: from 1 to 3."
+    assert (drag.axis, drag.first, drag.last) == ("time step", "10", "30")
+    assert drag.line == f"M0.0 {HEIGHT:.1f}L300.0 0.0L600.0 {HEIGHT / 2:.1f}"
+    assert lift.title == "lift"
+
+
+def contrast(one: str, other: str) -> float:
+    """The ratio of two colours' luminances (WCAG 2)."""
+
+    def luminance(colour: str) -> float:
+        parts = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_text_stands_out_in_light_and_in_dark():
+    schemes = [
+        dict(re.findall(r"--(\w+): (#\w{6})", part)) for part in template(CSS).split(":root")
+    ]
+    light, dark = schemes[1:3]
+    for scheme in (light, dark):
+        for ink in ("ink", "soft", "accent", "good", "bad"):
+            for ground in ("page", "card"):
+                assert contrast(scheme[ink], scheme[ground]) > 4.5
+        for ground in ("note", "alarm"):
+            assert contrast(scheme["ink"], scheme[ground]) > 4.5
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", ["janssen/quick", "zhou/c1"])
+def test_other_scenes_are_shown_as_well(name: str, tmp_path: Path):
+    case = load(name)
+    result = run(case if "janssen" in name else case.set("ensemble.runs", 2), tmp_path / "run")
+    page = read([result.folder], tmp_path / "page.html")
+    check_sound(page)
+    assert len(page.table("Answers")) == len(result.quantities) + 1
+    assert len(page.all("img")) == 2
+    assert len(page.all("svg")) >= 4
+    assert "combined standard errors" in list(page.table("Beside the paper").values())[1][2]
 
 
 @pytest.mark.needs("chromium")

@@ -25,8 +25,10 @@ BLOCKS = 240
 MOST = 8
 """Charts of a series."""
 
-FILES = ("series.csv", "drag.csv")
-"""Where a series is, the first that exists."""
+_ENGINE = {"TimeStep": "time step"}
+
+FILES = ("series.csv", "drag.csv", "forces.dat")
+"""Where a series is, the first that exists; the last is the engine's, of a run without answers."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def charts(folder: Path, record: RunRecord) -> list[Chart]:
     if path is None:
         return []
     try:
-        table = read_table(path, "csv")
+        table = read_table(path)
     except (InputError, OSError):
         return []
     place = table.iloc[:, 0].to_numpy(float)
@@ -83,7 +85,7 @@ def _chart(axis: str, place: np.ndarray, name: str, values: np.ndarray, record: 
     return Chart(
         title,
         f"{title} against {words(across)}: from {low:.3g} to {high:.3g}{answer}.",
-        f"{words(across)} ({along})",
+        words(across) + (f" ({along})" if along != "1" else ""),
         *_ends(float(place[0]), float(place[-1])),
         *_ends(high, low),
         *_paths(blocks, (float(place[0]), float(place[-1])), (low, high)),
@@ -100,9 +102,9 @@ def _ends(one: float, other: float) -> tuple[str, str]:
 
 
 def _parts(name: str) -> tuple[str, str]:
-    """The word and the unit of a column's name."""
+    """The word and the unit of a column's name, as liftdrag or an engine has it."""
     word, _, unit = name.partition(" (")
-    return word, unit.rstrip(")") or "1"
+    return _ENGINE.get(word, word.removeprefix("v_")), unit.rstrip(")") or "1"
 
 
 def _limits(values: np.ndarray) -> tuple[float, float]:

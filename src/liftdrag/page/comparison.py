@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
 from typing import Any
@@ -110,32 +110,42 @@ class Compared:
 
 
 def compared(tables: Mapping[str, Any], found: Mapping[str, Quantity]) -> list[Compared]:
-    """The quantities of a case beside what is known of its scene."""
-    scene = tables.get("scene")
-    return [
-        _row(tables, reference, found[reference.quantity])
-        for reference in REFERENCES
-        if reference.scene == scene and reference.quantity in found
+    """The quantities of a case beside what is known of its scene.
+
+    Where no paper has the case, each quantity is beside that of the nearest.
+    """
+    known = [
+        one for one in REFERENCES if one.scene == tables.get("scene") and one.quantity in found
     ]
+    apart = {one: _apart(tables, one) for one in known}
+    least = dict[str, int]()
+    for one, keys in apart.items():
+        least[one.quantity] = min(len(keys), least.get(one.quantity, len(keys)))
+    nearest = [one for one in known if len(apart[one]) == least[one.quantity]]
+    return [_row(one, found[one.quantity], apart[one]) for one in nearest]
 
 
-def _row(tables: Mapping[str, Any], known: Reference, found: Quantity) -> Compared:
+def _apart(tables: Mapping[str, Any], known: Reference) -> list[str]:
+    """The keys in which a case is another than that of a reference; none where it is the same."""
+    others = [_other_keys(tables, case) for case in known.cases]
+    return min(others, key=len, default=[])
+
+
+def _row(known: Reference, found: Quantity, apart: Sequence[str]) -> Compared:
     unit = "" if known.unit == "1" else f" {known.unit}"
     there = " ± ".join(rounded(known.value, known.error)) if known.error else f"{known.value:g}"
     return Compared(
         known.quantity,
         " ± ".join(rounded(found.mean, found.standard_error)) + unit,
         there + unit,
-        _difference(tables, known, found),
+        _difference(known, found, apart),
         known.source,
     )
 
 
-def _difference(tables: Mapping[str, Any], known: Reference, found: Quantity) -> str:
-    others = [_other_keys(tables, case) for case in known.cases]
-    if known.cases and all(others):
-        nearest = min(others, key=len)
-        named = ", ".join(nearest[:4]) + (" and more" if len(nearest) > 4 else "")
+def _difference(known: Reference, found: Quantity, apart: Sequence[str]) -> str:
+    if apart:
+        named = ", ".join(apart[:4]) + (" and more" if len(apart) > 4 else "")
         return f"not the paper's case, which has another {named}"
     error = hypot(found.standard_error, known.error)
     if not error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from liftdrag import replicas
@@ -90,37 +90,38 @@ def shown(folder: Path, anchor: str) -> Shown:
 
 def _run(folder: Path, record: RunRecord, anchor: str) -> Shown:
     return Shown(
-        anchor,
-        record.case,
-        str(folder),
-        _about(record),
-        record.status,
-        _leading(record),
-        record.alarms,
-        record.reasons,
-        "" if record.finished else last_words(folder),
-        [text for text in record.remarks if text not in record.alarms],
-        _filled(_answers(record)),
-        pictures(folder),
-        charts(folder, record),
-        _filled([sheets.budget(record), sheets.invariants(record), sheets.case(record.tables)]),
-        _filled(_folded(folder, record)),
+        anchor=anchor,
+        title=record.case,
+        folder=str(folder),
+        about=_about(record),
+        status=record.status,
+        leading=_leading(record),
+        alarms=record.alarms,
+        reasons=record.reasons,
+        words="" if record.finished else last_words(folder),
+        remarks=[text for text in record.remarks if text not in record.alarms],
+        answers=_filled(_answers(record)),
+        pictures=pictures(folder),
+        charts=charts(folder, record),
+        open=_filled(
+            [sheets.budget(record), sheets.invariants(record), sheets.case(record.tables)]
+        ),
+        folded=_filled(_folded(folder, record)),
     )
 
 
 def _replicas(folder: Path, anchor: str) -> Shown:
-    record = read_record(folder, replicas.CASE)
-    done = runs_in(folder)
+    """The pooled answers, and the pictures, series and numerics of the first replica."""
+    record, done = read_record(folder, replicas.CASE), runs_in(folder)
     whole, first = _run(folder, record, anchor), folder / next(iter(done), "")
-    return Shown(
-        **vars(whole)
-        | {
-            "answers": [*whole.answers, *_filled([_runs("Each replica", done)])],
-            "pictures": [*whole.pictures, *pictures(first)],
-            "charts": whole.charts or charts(first, record),
-            "folded": [*_filled([sheets.numerics(first)]), *whole.folded],
-            "reasons": [*whole.reasons, *_failures(done)],
-        }
+    return replace(
+        whole,
+        about=f"{whole.about}; the pictures and the series are those of the first",
+        reasons=[*whole.reasons, *_failures(done)],
+        answers=[*whole.answers, *_filled([_runs("Each replica", done)])],
+        pictures=pictures(first),
+        charts=charts(first, record),
+        folded=[*_filled([sheets.numerics(first)]), *whole.folded],
     )
 
 
@@ -133,11 +134,11 @@ def _study(folder: Path, anchor: str) -> Shown:
     done = runs_in(folder)
     unfinished = [name for name, record in done.items() if not record.finished]
     return Shown(
-        anchor,
-        folder.resolve().name,
-        str(folder),
-        f"A study of {len(done)} runs",
-        f"{len(unfinished)} unfinished" if unfinished else "finished",
+        anchor=anchor,
+        title=folder.resolve().name,
+        folder=str(folder),
+        about=f"A study of {len(done)} runs",
+        status=f"{len(unfinished)} unfinished" if unfinished else "finished",
         reasons=list(_failures(done)),
         answers=_filled([_runs("Runs", done), *study_sheets(folder)]),
         pictures=pictures(folder),
