@@ -70,7 +70,7 @@ def comparison(rows: Sequence[Compared]) -> Sheet:
     """The run beside the papers."""
     return Sheet(
         "Beside the paper",
-        ("quantity", "here", "there", "difference", "source"),
+        ("quantity", "this run", "the paper", "difference", "source"),
         [(words(r.quantity), r.here, r.there, r.difference, r.source) for r in rows],
     )
 
