@@ -16,8 +16,11 @@ from liftdrag.errors import InputError
 GUILLARD = "Guillard, Forterre and Pouliquen, Phys. Fluids 26, 043301 (2014)"
 ZHOU = "Zhou, Advani and Wetzel"
 
-ONLY_LONGER = ("seed", "stop", "drive.distance", "drive.duration", "ensemble.runs", "numerics")
-"""Keys that say how long and how finely a case is run, not which case it is."""
+OF_NO_MATTER = (
+    *("seed", "stop", "drive.distance", "drive.duration", "ensemble.runs"),
+    *("numerics", "fields"),
+)
+"""Keys that say how long and how finely a case is run and looked at, not which case it is."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +117,13 @@ def compared(tables: Mapping[str, Any], found: Mapping[str, Quantity]) -> list[C
 
     Where no paper has the case, each quantity is beside that of the nearest.
     """
-    known = [
-        one for one in REFERENCES if one.scene == tables.get("scene") and one.quantity in found
-    ]
-    apart = {one: _apart(tables, one) for one in known}
+    try:
+        scene = Case("", tables).scene
+    except InputError:  # a case of another version
+        return []
+    mine, named = dict(_flat(scene)), scene.scene
+    known = [one for one in REFERENCES if one.scene == named and one.quantity in found]
+    apart = {one: _apart(mine, one) for one in known}
     least = dict[str, int]()
     for one, keys in apart.items():
         least[one.quantity] = min(len(keys), least.get(one.quantity, len(keys)))
@@ -125,9 +131,9 @@ def compared(tables: Mapping[str, Any], found: Mapping[str, Quantity]) -> list[C
     return [_row(one, found[one.quantity], apart[one]) for one in nearest]
 
 
-def _apart(tables: Mapping[str, Any], known: Reference) -> list[str]:
+def _apart(mine: Mapping[str, Any], known: Reference) -> list[str]:
     """The keys in which a case is another than that of a reference; none where it is the same."""
-    others = [_other_keys(tables, case) for case in known.cases]
+    others = [_other_keys(mine, case) for case in known.cases]
     return min(others, key=len, default=[])
 
 
@@ -153,17 +159,13 @@ def _difference(known: Reference, found: Quantity, apart: Sequence[str]) -> str:
     return f"{(found.mean - known.value) / error:+.1f} combined standard errors"
 
 
-def _other_keys(tables: Mapping[str, Any], packaged: str) -> list[str]:
+def _other_keys(mine: Mapping[str, Any], packaged: str) -> list[str]:
     """The keys in which a case is another than a packaged one, in SI units."""
-    try:
-        mine = dict(_flat(Case("", tables).scene))
-    except InputError:
-        return ["scene"]
     theirs = dict(_flat(load(packaged).scene))
     return sorted(
         key
         for key in mine.keys() | theirs.keys()
-        if mine.get(key) != theirs.get(key) and not key.startswith(ONLY_LONGER)
+        if mine.get(key) != theirs.get(key) and not key.startswith(OF_NO_MATTER)
     )
 
 

@@ -19,11 +19,13 @@ CAPTIONS = {
     "diameter, and the mean over the steady window with its standard error as a red band. The "
     "grey part is left out.",
     "bed": "A slice of the bed around the cylinder at half its thickness, coloured by speed.",
-    "fields": "Fields around the cylinder: pressure, velocity and their likes, averaged over the "
+    "fields": "Pressure, deviator, solid fraction and speed around the cylinder, averaged over the "
     "steady part.",
-    "streamlines": "Streamlines of the grains around the cylinder.",
-    "asymmetry": "What differs between above and below the cylinder: the origin of the lift.",
-    "cylinder": "Normal and tangential stress on the cylinder by angle.",
+    "streamlines": "Streamlines around the cylinder over the speed, in its frame and in that of "
+    "the bed far away.",
+    "asymmetry": "What is even and what is odd about the plane through the cylinder's axis: "
+    "pressure, speed, and the odd normal stress on the cylinder beside the paper's eq. 4.",
+    "cylinder": "Normal and tangential stress on the cylinder by angle, with standard errors.",
     "curve": "Apparent mass on the piston against fill: points with errors, both fits and the "
     "hydrostatic line.",
     "profile": "Stresses, mobilised friction and density of the column by height.",
