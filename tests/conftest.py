@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import chromium
 import pytest
 
 from liftdrag.case import Case
@@ -67,10 +68,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             _skip_without(name)
 
 
+_BESIDES: dict[str, Callable[[], object]] = {
+    "slurm": lambda: shutil.which("sbatch"),
+    "chromium": chromium.program,
+}
+"""Programs that are no engines, and what finds them."""
+
+
 def _skip_without(name: str) -> None:
-    if name == "slurm":
-        if shutil.which("sbatch") is None:
-            pytest.skip("SLURM is not installed")
+    if name in _BESIDES:
+        if not _BESIDES[name]():
+            pytest.skip(f"{name} is not installed")
         return
     try:
         engine(name).about()
