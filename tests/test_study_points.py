@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from math import sqrt
 from pathlib import Path
@@ -13,6 +14,7 @@ from conftest import TINY
 
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.errors import InputError
+from liftdrag.pictures.study import Line
 from liftdrag.study import read
 from liftdrag.study.carried import answer
 from liftdrag.study.drawn import draw
@@ -135,7 +137,8 @@ def test_digest_is_of_the_case_and_the_engine_alone(study: Path):
 def drag(mean: float, error: float) -> State:
     found = Quantity(mean, error, "N", 1.0, 10.0, True)
     record = {"cpu_s": 2.0, "warnings": ["one"]}
-    return State("finished", "", Path("runs/x"), {"drag": found}, record)
+    quantities = {"drag": found, "lift": replace(found, mean=0.25)}
+    return State("finished", "", Path("runs/x"), quantities, record)
 
 
 @pytest.mark.parametrize(("errors", "expected"), [(0.01, "scatter"), (10.0, "series")])
@@ -172,8 +175,9 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     states[gone.digest] = State("failed", "lost_grains: 3")
     results = {name: answer(point, states) for name, point in found.items()}
     write_tables(tmp_path, plan, results, [])
-    rows = pd.read_csv(tmp_path / "points.csv").set_index("point")
-    assert len(rows) == 8
+    whole = pd.read_csv(tmp_path / "points.csv")
+    assert len(whole) == 7 * 2 + 1
+    rows = whole[whole["quantity"] != "lift"].set_index("point")
     assert rows.loc["plain-depth=3D", "intruder.depth"] == pytest.approx(3 * 1.5 * 1.5e-3)
     assert rows.loc["plain-depth=3D", "thickness/d"] == pytest.approx(3.0)
     assert rows.loc["plain-depth=3D", "length/D"] == pytest.approx(16 / 1.5)
@@ -181,10 +185,10 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     assert rows.loc["plain-depth=4D", "reason"] == "lost_grains: 3"
     assert np.isnan(rows.loc["plain-depth=4D", "mean"])
     same = pd.read_parquet(tmp_path / "points.parquet")
-    assert list(same.columns) == ["point", *rows.columns]
-    np.testing.assert_array_equal(same["mean"], rows["mean"])
+    assert list(same.columns) == list(whole.columns)
+    np.testing.assert_array_equal(same["mean"], whole["mean"])
     runs = pd.read_csv(tmp_path / "runs.csv")
-    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", "finished"]
+    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", *["finished"] * 2]
     assert list(rows.columns[5:8]) == ["grains.friction", "drive.distance", "intruder.depth"]
     draw(tmp_path, plan, results)
     assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
@@ -195,3 +199,31 @@ def test_table_of_words_and_numbers_goes_to_parquet_as_words(tmp_path: Path):
     found = pd.read_parquet(tmp_path / "t.parquet")
     assert list(found["key"][:2]) == ["soft", "1.5"]
     assert pd.isna(found["key"][2])
+
+
+def test_lines_of_a_picture_are_those_of_a_naive_loop(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A line for each other value that is varied; one for each run against what was measured."""
+    drawn = list[list[Line]]()
+    monkeypatch.setattr(
+        "liftdrag.study.drawn.draw_lines", lambda _title, lines, *_: drawn.append(lines)
+    )
+    for against in ("intruder.depth", "lift"):
+        study.write_text(
+            study.read_text()
+            + f'[[pictures]]\nfile = "a.png"\ntitle = "t"\nagainst = "{against}"\n'
+            'over = "intruder.diameter"\n'
+        )
+    plan, found = read(str(study)), points(study)
+    states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
+    draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
+    by_depth, by_lift = drawn
+    assert [line.label for line in by_depth] == [
+        "plain",
+        *(f"rough, intruder.diameter = {big} d" for big in (1.5, 1.75, 2)),
+    ]
+    assert all(line.places == pytest.approx([3.0, 4.0]) for line in by_depth)
+    assert [(line.label, len(line.places)) for line in by_lift] == [("plain", 2), ("rough", 6)]
+    bigs = [1.5, 1.75, 2] * 2
+    assert by_lift[1].places == pytest.approx([0.25 / (big * 1.5e-3) for big in bigs])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from liftdrag.pictures.study import Axes, Line, draw_bars, draw_lines
 from liftdrag.study.carried import Answer
-from liftdrag.study.plan import Picture, Plan
+from liftdrag.study.plan import QUANTITIES, Picture, Plan
 from liftdrag.study.points import Point, expanded
 
 
@@ -58,7 +58,7 @@ def _draw_lines(
     lines = []
     for name, group in groups:
         for label, points in _lines(name, group, picture.against or ""):
-            places = [_place(point, picture) for point in points]
+            places = [_place(results[point.name], picture) for point in points]
             found = [results[point.name].quantity(picture.quantity) for point in points]
             lines.append(Line(label, places, found))
     draw_lines(picture.title, lines, _axes(picture), folder / picture.file)
@@ -67,7 +67,13 @@ def _draw_lines(
 def _lines(
     name: str, group: Sequence[Point], against: str
 ) -> Iterator[tuple[str, Sequence[Point]]]:
-    """The points of a group that differ in nothing that is varied but the key, with a label."""
+    """The points of a group that differ in nothing that is varied but the key, with a label.
+
+    Against what was measured they are one line.
+    """
+    if against in QUANTITIES:
+        yield name, group
+        return
     found = dict[str, list[Point]]()
     for point in group:
         others = [f"{key} = {value}" for key, value in point.varied.items() if key != against]
@@ -75,9 +81,11 @@ def _lines(
     yield from found.items()
 
 
-def _place(point: Point, picture: Picture) -> float:
-    value = point.number(picture.against or "")
-    return value / point.number(picture.over) if picture.over else value
+def _place(one: Answer, picture: Picture) -> float:
+    """Where a point is along the x axis: at what its case has, or at what was measured."""
+    key = picture.against or ""
+    value = one.quantity(key).mean if key in QUANTITIES else one.point.number(key)
+    return value / one.point.number(picture.over) if picture.over else value
 
 
 def _axes(picture: Picture) -> Axes:

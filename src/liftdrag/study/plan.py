@@ -56,9 +56,11 @@ KNOWN = {
 }
 """What a study may claim or draw of each scene, whatever the engine."""
 
+QUANTITIES = frozenset(name for names in KNOWN.values() for name in names)
+
 
 def _known(name: str) -> str:
-    if not any(name in names for names in KNOWN.values()):
+    if name not in QUANTITIES:
         raise ValueError(f"no scene has a quantity {shown(name)}")
     return name
 
@@ -113,8 +115,8 @@ class Reference(Part):
 class Picture(Part):
     """Bars of a quantity, a group for each list of runs or points, written to `file`.
 
-    With `against`, a key of the cases, points at its values instead, over those of the key `over`
-    if there is one, and a line for each run, or for each group that is named.
+    With `against`, a key of the cases or a quantity, points at its values instead, over those of
+    the key `over` if there is one, and a line for each run, or for each group that is named.
     """
 
     file: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+\.png$")]

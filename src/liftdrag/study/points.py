@@ -13,7 +13,7 @@ from typing import Any
 from liftdrag.case import Case, load, with_settings
 from liftdrag.errors import CaseError, InputError, shown
 from liftdrag.runner import engine_for
-from liftdrag.study.plan import KNOWN, Grid, Plan, Run, Scale
+from liftdrag.study.plan import KNOWN, QUANTITIES, Grid, Plan, Run, Scale
 
 MOST = 10_000
 """Runs of a study."""
@@ -169,7 +169,9 @@ def _check_asked(plan: Plan, points: Mapping[str, Point]) -> None:
         for point in drawn(picture.groups, points):
             _check_quantity(picture.quantity, point)
             for key in (picture.against, picture.over):
-                if key is not None:
+                if key in QUANTITIES:
+                    _check_quantity(key, point)
+                elif key is not None:
                     point.number(key)
 
 
