@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import signal
 import subprocess
 from collections import Counter
@@ -12,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from conftest import TINY, program
-from slurm import asked, cluster, wait
+from slurm import NODE, asked, cluster, wait
 from typer.testing import CliRunner
 
 from liftdrag.cli import app
@@ -101,7 +100,7 @@ def test_array_whose_node_goes_down_is_finished_by_the_same_command(
 ):
     on_slurm(study, out)
     long_run(study, out)
-    node = f"nodename={platform.node()}"
+    node = f"nodename={NODE}"
     asked(conf, "scontrol", "update", node, "state=down", "reason=test")
     wait(lambda: is_empty(conf))
     wait(lambda: statuses(study, out)["running"] == 0)
