@@ -121,7 +121,7 @@ def carried_out(
         write_json(folder / RESULT, result)
     raise RunFailed(
         outcome.status,
-        f"{outcome.status}: {outcome.reason}.{how_on(record, folder, outcome.status)}",
+        f"{outcome.status}: {outcome.reason}.{how_on(folder, outcome.status)}",
         outcome.evidence,
     )
 
@@ -155,19 +155,12 @@ def _timed(
         return outcome, time.monotonic() - start
     with contextlib.suppress(RunFailed):
         write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
-    reason = f"{failure.reason}{how_on(record, folder, failure.status)}"
+    reason = f"{failure.reason}{how_on(folder, failure.status)}"
     raise RunFailed(failure.status, reason, failure.evidence) from None
 
 
-def how_on(record: Record, folder: Path, status: str) -> str:
+def how_on(folder: Path, status: str) -> str:
     """How to go on with a run that was cut short."""
-    if status not in CUT_SHORT or not resumable(record):
+    if status not in CUT_SHORT:
         return ""
     return f" Go on with: liftdrag run --resume --out {shlex.quote(str(folder))}"
-
-
-def resumable(record: Record) -> bool:
-    """Whether a run that was cut short can go on."""
-    engines = {"tank": ("lammps", "lmp"), "janssen": ("dem",)}
-    scene = record.tables["scene"]
-    return scene == "drag2d" or record.engine in engines[scene]

@@ -13,6 +13,7 @@ from liftdrag.deck import Plan
 from liftdrag.engines.fills import as_they_were, early, ends_in
 from liftdrag.engines.stopper import PRECISION, STOP, stop_files
 from liftdrag.errors import InputError
+from liftdrag.files import text
 from liftdrag.tables import column, read_table
 
 DISK_FULL = "the disk is full; free some and run again"
@@ -146,11 +147,6 @@ def ranks_of(log: str) -> int:
     """The ranks that the engine says it ran on; 0 when it did not come to say."""
     grid = _GRID.search(log)
     return prod(map(int, grid.groups())) if grid else 0
-
-
-def text(path: Path) -> str:
-    """The text of a file, or none when it does not exist."""
-    return path.read_text("utf-8", "replace") if path.exists() else ""
 
 
 def last_words(*texts: str) -> str:

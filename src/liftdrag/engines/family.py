@@ -18,11 +18,11 @@ from liftdrag.engines import checks, mpi, process, restart
 from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.fills import FillStopper, as_they_were, ends_in, write_fills
 from liftdrag.engines.log import LogTail
-from liftdrag.engines.profiles import read_profiles
+from liftdrag.engines.profiles import PROFILES, read_profiles
 from liftdrag.engines.stopper import Stopper
 from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
 from liftdrag.errors import RunFailed
-from liftdrag.files import check_ordinary, whole_lines
+from liftdrag.files import check_ordinary, text, whole_lines
 from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
@@ -108,7 +108,7 @@ class Family(ABC):
         try:
             ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
         except RunFailed as failure:
-            said = checks.last_words(checks.text(folder / self.log), checks.text(folder / SAYS))
+            said = checks.last_words(text(folder / self.log), text(folder / SAYS))
             raise RunFailed(failure.status, failure.reason, said) from None
         return self._outcome(plan, folder, ended.code, own_ranks * ended.cpu_s)
 
@@ -143,8 +143,8 @@ class Family(ABC):
         return started
 
     def _outcome(self, plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
-        log = checks.text(folder / self.log)
-        said = checks.text(folder / SAYS)
+        log = text(folder / self.log)
+        said = text(folder / SAYS)
         restart.join(plan, folder)
         loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
         status, reason = checks.verdict(plan, folder, log, said, code)
@@ -195,7 +195,7 @@ class Family(ABC):
 
     def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
         """Those of `profile.dat`."""
-        return read_profiles(folder / "profile.dat", plan.time_step)
+        return read_profiles(folder / PROFILES, plan.time_step)
 
 
 def _by_step(file: Path, every: int) -> pd.DataFrame:
