@@ -132,17 +132,18 @@ def _context(
     context |= _set_up(scene, numerics, column) | _steps(numerics) | _bounds(numerics)
     words = {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
     words |= {"stoppable": scene.stop is not None, "averaging": f"{dialect.folder}/average.j2"}
-    words |= _keeping(numerics, dialect)
-    runs = _Runs(words["kept"], way_of(dialect), numerics, scene.stop is not None)
+    way = way_of(dialect, springs=scene.grains.contact == "linear")
+    words |= _keeping(numerics, way)
+    runs = _Runs(words["kept"], way, numerics, scene.stop is not None)
     fills = [render("fill.j2", words | fill | runs.of(fill)) for fill in _fills(numerics)]
     return words | {"fills": "".join(fills)}
 
 
-def _keeping(numerics: JanssenNumerics, dialect: Dialect) -> dict[str, Any]:
+def _keeping(numerics: JanssenNumerics, way: Way) -> dict[str, Any]:
     """Every how many steps the state is kept, 0 for never, and the command for it, if any."""
     every = numerics.restart_every.value
     kept = every if every < numerics.levels[-1].end else 0
-    asked = kept and way_of(dialect) != "written"
+    asked = kept and way != "written"
     return {"kept": kept, "restarting": restarting("drive", every) if asked else ""}
 
 

@@ -26,11 +26,11 @@ last step: not to the bit where an engine derives the damping of its walls anew 
 """
 
 
-def way_of(dialect: Dialect) -> Way:
-    """How an engine keeps its state."""
+def way_of(dialect: Dialect, springs: bool = False) -> Way:
+    """How an engine keeps its state; walls of `springs` keep their damping in any."""
     if dialect is LIGGGHTS:
         return "written"
-    return "pieces" if dialect is LAMMPS else "upto"
+    return "pieces" if springs or dialect is LAMMPS else "upto"
 
 
 def deck_of(start: str, stage: str) -> str:
@@ -53,8 +53,9 @@ class LongRun:
     """A run of a stage up to the step `steps`, which may be gone on with once it was cut short.
 
     A restart file comes every so many steps, or none for `every` 0. A piece takes `piece` steps,
-    or as many, and `after` it comes a command; another follows while `going` holds, where that is
-    given, from the `label`, that of the stage unless named.
+    or as many, and `after` it come commands; another follows while `going` holds, where that is
+    given, from the `label`, that of the stage unless named. LIGGGHTS' file of its last step is not
+    written where it is not `kept_last`: to write one makes what was computed out of date.
     """
 
     stage: str
@@ -65,6 +66,7 @@ class LongRun:
     label: str = ""
     piece: int = 0
     after: str = ""
+    kept_last: bool = True
 
     def lines(self, resumed: bool = False) -> str:
         """The commands; a run from a restart file is `resumed`."""
@@ -91,15 +93,15 @@ class LongRun:
             yield f"variable     turn equal floor(step/{self.every})-2*floor(step/{2 * self.every})"
         yield f"label        {label}"
         yield 'if           "${left} > ${piece}" then "run ${piece}" else "run ${left}"'
-        if self.way == "written":
-            yield from self._writing()
         if self.after:
             yield self.after
+        if self.way == "written":
+            yield from self._writing("" if self.kept_last else f" && ({more})")
         yield f'if           "{more}" then "jump SELF {label}"'
 
-    def _writing(self) -> Iterator[str]:
+    def _writing(self, also: str) -> Iterator[str]:
         for turn, file in zip((1, 0), written(self.stage), strict=True):
-            due = f"(${{since}} == 0) && (${{turn}} == {turn})"
+            due = f"(${{since}} == 0) && (${{turn}} == {turn}){also}"
             said = f"print 'LIFTDRAG KEPT {file} at step $(step)'"
             yield f'if           "{due}" then "write_restart {file}" "{said}"'
 

@@ -113,7 +113,7 @@ def _written(scene: TankScene, numerics: TankNumerics, every: int) -> tuple[Long
     """Those of LIGGGHTS, which is looked at, and has its state written, after a piece."""
     settle, look = numerics.settle_steps_max.value, numerics.look_every.value
     drive, least = numerics.drive_steps.value, numerics.settle_steps.value
-    restless = f"(${{kinetic}} > {numerics.settle_energy.value:.10g}) || (${{now}} < {least})"
+    restless = f"(${{energy}} > {numerics.settle_energy.value:.10g}) || (${{now}} < {least})"
     settling = LongRun(
         "settle",
         f"{settle}",
@@ -121,6 +121,8 @@ def _written(scene: TankScene, numerics: TankNumerics, every: int) -> tuple[Long
         "written",
         restless,
         piece=look,
+        after="variable     energy equal ${kinetic}",
+        kept_last=False,
     )
     if scene.stop is None:
         return settling, LongRun("drive", "${drive_steps}", every * (every < drive), "written")
