@@ -162,7 +162,7 @@ class _Runs:
 
     def _run(self, phase: str, fill: Mapping[str, int]) -> str:
         if not self.kept:
-            return f"run          {fill[phase]}"
+            return f"run          {fill[phase]}{_NOTES[phase] * (not self._is_watched(phase))}"
         run = LongRun(
             "drive",
             "${until}",
@@ -170,9 +170,12 @@ class _Runs:
             self.way,
             label=f"{_LABELS[phase]}_{fill['number']}",
         )
-        if phase == "average" and self.stoppable:
+        if self._is_watched(phase):
             run = self._until_enough(run, fill["number"])
         return run.body(resumed=True)
+
+    def _is_watched(self, phase: str) -> bool:
+        return phase == "average" and self.stoppable
 
     def _until_enough(self, run: LongRun, number: int) -> LongRun:
         """An average that may end early; that of LIGGGHTS is looked at after each block."""
@@ -269,6 +272,13 @@ def _words(values: np.ndarray) -> str:
 
 _LABELS = {"settle": "settling", "mobilise": "mobilising", "average": "averaging"}
 """The phases of a fill, and what the pieces of their runs are called."""
+
+_NOTES = {
+    "settle": "",
+    "mobilise": "                        # until the wall's friction is mobilised",
+    "average": "                        # averaged",
+}
+"""What is said of the runs that are in one piece."""
 
 
 def _set_up(scene: JanssenScene, numerics: JanssenNumerics, column: PackedColumn) -> dict[str, Any]:

@@ -51,7 +51,7 @@ SHAPES = {
     "print": re.compile(r"print (\"[^\"]*\"|'[^']*')"),
     "processors": re.compile(r"processors( [1-9*][0-9]*){3}"),
     "quit": re.compile(r"quit( 1)?"),
-    "run": re.compile(r"run \S+( pre no post no| upto)?"),
+    "run": re.compile(r"run \S+( upto)?"),
 }
 """Commands of which only this form is allowed, whole."""
 
@@ -84,7 +84,7 @@ def _rules(commands: str, files: str, whole: str = r"\0") -> Rules:
 _TANK = _rules(
     "if label reset_timestep unfix velocity write_dump",
     "bed.dat forces.dat grains.data settled.dump snapshots.dump surface.dump trajectory.dump",
-    rf"include stop\.lmp|next piece|jump SELF (settling|settle|drive|driven)|{RESTARTS}",
+    rf"include stop\.lmp|jump SELF (settle|drive)|{RESTARTS}",
 )
 
 _COLUMN = (

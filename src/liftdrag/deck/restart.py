@@ -52,7 +52,8 @@ def read(stage: str) -> str:
 class LongRun:
     """A run of a stage up to the step `steps`, which may be gone on with once it was cut short.
 
-    A restart file comes every so many steps, or none for `every` 0. A piece takes `piece` steps,
+    A restart file comes every so many steps, or none for `every` 0. One of LIGGGHTS that may end
+    early is in pieces in any case. A piece takes `piece` steps,
     or as many, and `after` it come commands; another follows while `going` holds, where that is
     given, from the `label`, that of the stage unless named. LIGGGHTS' file of its last step is not
     written where it is not `kept_last`: to write one makes what was computed out of date.
@@ -70,10 +71,10 @@ class LongRun:
 
     def lines(self, resumed: bool = False) -> str:
         """The commands; a run from a restart file is `resumed`."""
+        if self.way == "written" and (self.every or self.going):
+            return self.body(resumed)
         if not self.every:
             return f"run          {self.steps}"
-        if self.way == "written":
-            return self.body(resumed)
         return f"{restarting(self.stage, self.every)}\n{self.body(resumed)}\nrestart      0"
 
     def body(self, resumed: bool = False) -> str:
@@ -88,14 +89,14 @@ class LongRun:
         yield "# In pieces: a run that goes on from a restart file gives the same to the bit."
         yield f"variable     left equal {self.steps}-step"
         yield f"variable     piece equal (floor(step/{steps})+1)*{steps}-step"
-        if self.way == "written":
+        if self.way == "written" and self.every:
             yield f"variable     since equal step-floor(step/{self.every})*{self.every}"
             yield f"variable     turn equal floor(step/{self.every})-2*floor(step/{2 * self.every})"
         yield f"label        {label}"
         yield 'if           "${left} > ${piece}" then "run ${piece}" else "run ${left}"'
         if self.after:
             yield self.after
-        if self.way == "written":
+        if self.way == "written" and self.every:
             yield from self._writing("" if self.kept_last else f" && ({more})")
         yield f'if           "{more}" then "jump SELF {label}"'
 

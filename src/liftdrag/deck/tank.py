@@ -62,18 +62,15 @@ def build(
     """
     _check_skin(scene, numerics, dialect)
     bed = bed or packed(scene)
-    context = (
-        _context(scene, numerics, dialect)
-        | _stopping(scene, numerics, dialect)
-        | {
-            "program": dialect.program,
-            "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
-            "version": version,
-            "ranks": ranks,
-            "settled": bed.settled,
-            "trajectory_every": numerics.trajectory_every.value if dump else 0,
-        }
-    )
+    context = _context(scene, numerics, dialect) | {
+        "program": dialect.program,
+        "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
+        "version": version,
+        "ranks": ranks,
+        "settled": bed.settled,
+        "stoppable": scene.stop is not None,
+        "trajectory_every": numerics.trajectory_every.value if dump else 0,
+    }
     runs = _runs(scene, numerics, dialect)
     texts = dict(_decks(context, dialect, runs)) | {"grains.data": _data_file(scene, bed)}
     if scene.stop and dialect is LIGGGHTS:
@@ -86,12 +83,11 @@ def _decks(
 ) -> Iterator[tuple[str, str]]:
     """The deck, and one for each stage that may be gone on with."""
     resumed = [(run.stage, deck_of(START, run.stage)) for run in runs if run.every]
-    kept = {f"{run.stage}_kept": bool(run.every) for run in runs}
     for stage, name in (("start", START), *resumed):
         going = {f"{run.stage}_run": run.lines(run.stage == stage) for run in runs}
         append = " append yes" if stage == "drive" else ""
         going |= {"stage": stage, "deck": name, "append": append}
-        text = render(f"{dialect.folder}/tank.in.j2", context | kept | going)
+        text = render(f"{dialect.folder}/tank.in.j2", context | going)
         check_commands(text, name)
         yield name, text
 
@@ -112,16 +108,15 @@ def _runs(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> tuple[L
 def _written(scene: TankScene, numerics: TankNumerics, every: int) -> tuple[LongRun, LongRun]:
     """Those of LIGGGHTS, which is looked at, and has its state written, after a piece."""
     settle, look = numerics.settle_steps_max.value, numerics.look_every.value
-    drive, least = numerics.drive_steps.value, numerics.settle_steps.value
-    restless = f"(${{energy}} > {numerics.settle_energy.value:.10g}) || (${{now}} < {least})"
+    drive = numerics.drive_steps.value
     settling = LongRun(
         "settle",
         f"{settle}",
         _whole(every, look) * (every < settle),
         "written",
-        restless,
+        "${more} > 0.5",
         piece=look,
-        after="variable     energy equal ${kinetic}",
+        after="variable     more equal ${restless}",
         kept_last=False,
     )
     if scene.stop is None:
@@ -159,17 +154,6 @@ def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:
         },
         stoppable=scene.stop is not None,
     )
-
-
-def _stopping(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> dict[str, Any]:
-    """A run that may end early: for LIGGGHTS in pieces of whole rows, and what is left over."""
-    stoppable = {"stoppable": scene.stop is not None}
-    if dialect is not LIGGGHTS:
-        return stoppable
-    drive, steps = numerics.drive_steps.value, _stop_piece(numerics)
-    pieces = drive // steps
-    left = drive - pieces * steps
-    return stoppable | {"pieces": pieces, "piece_steps": steps, "left_steps": left}
 
 
 def _stop_piece(numerics: TankNumerics) -> int:
