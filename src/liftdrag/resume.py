@@ -117,7 +117,8 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
         return _noted(record, folder, None if state is None else ("drive", int(state["done"])))
     point = restart.latest(record.plan, folder, engine.log)
     if point is None:
-        restart.take_back_stops(None, record.plan, folder)
+        with writing(folder):
+            restart.begin_anew(record.plan, folder)
         return _noted(record, folder, None)
     with writing(folder):
         restart.take_back(point, record.plan, folder, engine.log)

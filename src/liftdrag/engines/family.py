@@ -204,11 +204,11 @@ def _by_step(file: Path, every: int) -> pd.DataFrame:
 
 
 def _joined(parts: Sequence[pd.DataFrame], every: int) -> pd.DataFrame:
-    """The rows before a run went on and those since; of two with the same step the later."""
+    """The rows before a run went on and those since; of two with the same step the earlier."""
     import pandas as pd
 
     table = pd.concat(parts)
-    return _spaced(table[~table.index.duplicated(keep="last")], every, "what went on")
+    return _spaced(table[~table.index.duplicated(keep="first")], every, "what went on")
 
 
 def _spaced(table: pd.DataFrame, every: int, name: str) -> pd.DataFrame:

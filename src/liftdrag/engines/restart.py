@@ -131,7 +131,7 @@ def take_back(point: Point, plan: Plan, folder: Path, log: str) -> None:
         _replace(copy, point.file.read_bytes())
     if point.phase is not None:
         _replace(folder / PHASE, point.phase.text().encode())
-    take_back_stops(point.phase, plan, folder)
+    _take_back_stops(point.phase, plan, folder)
     if point.stage == "drive":
         for name in _tables(plan):
             _keep_rows(folder, name, point.step)
@@ -141,7 +141,14 @@ def take_back(point: Point, plan: Plan, folder: Path, log: str) -> None:
         (folder / log).replace(_free(folder, log))
 
 
-def take_back_stops(phase: Phase | None, plan: Plan, folder: Path) -> None:
+def begin_anew(plan: Plan, folder: Path) -> None:
+    """Take back what was decided and kept in a run that begins anew. Raises OSError."""
+    _take_back_stops(None, plan, folder)
+    for name in _tables(plan):
+        before(folder, name).unlink(missing_ok=True)
+
+
+def _take_back_stops(phase: Phase | None, plan: Plan, folder: Path) -> None:
     """Have liftdrag decide anew whether what was not yet over at the point may end early."""
     if not plan.fills:
         go_on(folder)
@@ -187,7 +194,11 @@ def _text(folder: Path, name: str, rows: dict[int, bytes]) -> bytes:
 
 
 def _rows(folder: Path, name: str) -> dict[int, bytes]:
-    """The whole rows, or blocks of them, by their steps; of two with the same step the later."""
+    """The whole rows, or blocks of them, by their steps; of two with the same step the earlier.
+
+    An engine that goes on may write a row at the step that it goes on from, of forces computed
+    anew.
+    """
     lines = (line for line in _lines(folder, name) if line.endswith(b"\n"))
     rows = dict[int, bytes]()
     for line in lines:
@@ -196,7 +207,7 @@ def _rows(folder: Path, name: str) -> dict[int, bytes]:
             more = int(words[1]) if name == PROFILES else 0
             block = [line, *islice(lines, more)]
             if len(block) == more + 1:
-                rows[int(words[0])] = b"".join(block)
+                rows.setdefault(int(words[0]), b"".join(block))
     return rows
 
 
