@@ -56,13 +56,10 @@ def test_a_column_goes_on_to_the_same_bits(share, whole, tmp_path):
     folder = interrupted(tmp_path / "run", share)
     result = resume(None, folder)
     assert same(whole, folder)
-    ((step, total),) = [
-        (point["step"], result.record["steps"] + point["step"])
-        for point in result.record["provenance"]["resumed"]
-    ]
+    (step,) = (point["step"] for point in result.record["provenance"]["resumed"])
     old = json.loads((whole / "result.json").read_text())
-    assert total == old["steps"]
-    assert 0 < step <= share * total
+    assert result.record["steps"] == old["steps"]
+    assert 0 < step <= share * old["steps"]
     assert result.record["quantities"] == old["quantities"]
     assert not list(folder.glob("filling*"))
 

@@ -26,6 +26,7 @@ _SIGNAL = re.compile(
     r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$|exited on signal (9|15) ", re.MULTILINE
 )
 _END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
+_SETTLED = re.compile(r"^LIFTDRAG SETTLED after (\d+) steps,", re.MULTILINE)
 _UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
 _COPIES = re.compile(r"^ERROR.*[Pp]rocessors != physical processors", re.MULTILINE)
 _CAUSES = (
@@ -80,6 +81,14 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
     if int(end[1]) != last and stopped_by(plan, folder, log) == "distance":
         return "engine_error", f"the engine ended at step {end[1]}, not {last}"
     return _judge_series(plan, folder, int(end[1]))
+
+
+def steps_before(logs: str, log: str, steps: int) -> int:
+    """The steps of a finished run before its last session, of so many `steps` and this `log`."""
+    if not (end := _END.search(log)):
+        return 0
+    settled = _SETTLED.findall(logs)
+    return int(end[1]) + (int(settled[-1]) if settled else 0) - steps
 
 
 def _is_full(folder: Path) -> bool:

@@ -18,6 +18,7 @@ from liftdrag.engines import checks, mpi, process, restart
 from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.fills import FillStopper, as_they_were, ends_in, write_fills
 from liftdrag.engines.log import LogTail
+from liftdrag.engines.phases import text_of
 from liftdrag.engines.profiles import PROFILES, read_profiles
 from liftdrag.engines.stopper import Stopper
 from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
@@ -147,6 +148,7 @@ class Family(ABC):
         said = text(folder / SAYS)
         restart.join(plan, folder)
         loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
+        steps = sum(n for _, n, _ in loops)
         status, reason = checks.verdict(plan, folder, log, said, code)
         if plan.fills and plan.stoppable:
             write_fills(folder, as_they_were(plan, ends_in(log)))
@@ -157,11 +159,12 @@ class Family(ABC):
             version=self.about().version,
             path=self.about().path,
             ranks=checks.ranks_of(log),
-            steps=sum(n for _, n, _ in loops),
+            steps=steps,
             grains=loops[-1][2] if loops else 0,
             loop_s=sum(s for s, _, _ in loops),
             cpu_s=cpu_s,
             stopped_by=checks.stopped_by(plan, folder, log),
+            before=checks.steps_before(text_of(folder, self.log), log, steps),
         )
 
     def series(self, plan: Plan, folder: Path) -> Series:
