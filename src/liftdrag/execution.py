@@ -109,6 +109,7 @@ def carried_out(
     if outcome.status != "finished":
         with contextlib.suppress(RunFailed):
             record = sessions.closed(record, folder, outcome.status, wall_s, outcome.cpu_s)
+        with contextlib.suppress(RunFailed):
             write_json(folder / RESULT, _ended(record, outcome, [outcome.reason]))
         how = how_on(folder, outcome.status)
         reason = f"{outcome.status}: {outcome.reason}.{how}"
@@ -159,9 +160,10 @@ def _timed(
         failure = error
     else:
         return outcome, time.monotonic() - start
+    wall_s = time.monotonic() - start
     with contextlib.suppress(RunFailed):
-        wall_s = time.monotonic() - start
         record = sessions.closed(record, folder, failure.status, wall_s, None)
+    with contextlib.suppress(RunFailed):
         ended = begun(record, failure.status, [failure.reason]) | sessions.spent(record)
         write_json(folder / RESULT, ended)
     reason = f"{failure.reason}{how_on(folder, failure.status)}"

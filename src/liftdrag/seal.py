@@ -10,8 +10,9 @@ from typing import Any
 from liftdrag.errors import InputError
 from liftdrag.files import is_file
 
-FILES = ("*.dat", "*.dump", "*.npz", "forces.csv", "fills.csv")
-"""What engines write: series, profiles and frames, those of an ensemble a folder deeper."""
+OWN = ("*.dat", "*.dump", "*.npz", "forces.csv", "fills.csv")
+OF_PACKINGS = ("*.dat", "*.dump", "*.npz", "series.csv")
+"""What engines write of a run and of each packing: series, profiles and frames."""
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -38,9 +39,8 @@ def _broken(folder: Path, what: str) -> InputError:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    for pattern in FILES:
-        for place in (pattern, f"packing-*/{pattern}"):
-            yield from (file for file in sorted(folder.glob(place)) if is_file(file))
+    for pattern in (*OWN, *(f"packing-*/{name}" for name in OF_PACKINGS)):
+        yield from (file for file in sorted(folder.glob(pattern)) if is_file(file))
 
 
 def _digest(file: Path) -> str:
