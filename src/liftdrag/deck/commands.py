@@ -51,14 +51,14 @@ SHAPES = {
     "print": re.compile(r"print (\"[^\"]*\"|'[^']*')"),
     "processors": re.compile(r"processors( [1-9*][0-9]*){3}"),
     "quit": re.compile(r"quit( 1)?"),
-    "run": re.compile(r"run \S+( upto)?"),
+    "run": re.compile(r"run \S+( pre no post no| upto)?"),
 }
 """Commands of which only this form is allowed, whole."""
 
 IN_IF = frozenset({"print", "quit", "jump", "write_restart"})
 """The commands that an `if` may run."""
 
-RUN_PIECE = re.compile(r"run \$\{(left|piece)\}")
+RUN_PIECE = re.compile(r"run \$\{(left|piece)\}( pre no post no)?")
 """What else it may run, in a run in pieces."""
 
 RESTARTS = (

@@ -56,7 +56,8 @@ class LongRun:
     early is in pieces in any case. A piece takes `piece` steps,
     or as many, and `after` it come commands; another follows while `going` holds, where that is
     given, from the `label`, that of the stage unless named. LIGGGHTS' file of its last step is not
-    written where it is not `kept_last`: to write one makes what was computed out of date.
+    written where it is not `kept_last`: to write one makes what was computed out of date. Pieces
+    that are `joined`, where no file comes, are as one run.
     """
 
     stage: str
@@ -68,6 +69,7 @@ class LongRun:
     piece: int = 0
     after: str = ""
     kept_last: bool = True
+    joined: bool = False
 
     def lines(self, resumed: bool = False) -> str:
         """The commands; a run from a restart file is `resumed`."""
@@ -86,14 +88,19 @@ class LongRun:
     def _pieces(self) -> Iterator[str]:
         steps, label = self.piece or self.every, self.label or self.stage
         more = f"(${{left}} > 0) && ({self.going})" if self.going else "${left} > 0"
-        yield "# In pieces: a run that goes on from a restart file gives the same to the bit."
+        if self.every:
+            yield "# In pieces: a run that goes on from a restart file gives the same to the bit."
         yield f"variable     left equal {self.steps}-step"
         yield f"variable     piece equal (floor(step/{steps})+1)*{steps}-step"
         if self.way == "written" and self.every:
             yield f"variable     since equal step-floor(step/{self.every})*{self.every}"
             yield f"variable     turn equal floor(step/{self.every})-2*floor(step/{2 * self.every})"
+        joined = " pre no post no" * (self.joined and not self.every)
+        if joined:
+            yield "run          0"
         yield f"label        {label}"
-        yield 'if           "${left} > ${piece}" then "run ${piece}" else "run ${left}"'
+        runs = f'"run ${{piece}}{joined}" else "run ${{left}}{joined}"'
+        yield f'if           "${{left}} > ${{piece}}" then {runs}'
         if self.after:
             yield self.after
         if self.way == "written" and self.every:

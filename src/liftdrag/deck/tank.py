@@ -130,6 +130,7 @@ def _written(scene: TankScene, numerics: TankNumerics, every: int) -> tuple[Long
         "${good_enough} == 0",
         piece=piece,
         after="include      stop.lmp",
+        joined=True,
     )
     return settling, stopped
 
