@@ -53,17 +53,21 @@ class Ring:
 
     def normal(self) -> tuple[np.ndarray, np.ndarray]:
         """Normal stress (64,) on the cylinder in Pa, positive where it presses, and its errors."""
-        return self.blocks.estimate(lambda forces: -np.sum(forces * NORMAL, axis=1) / self.area)
+        return self.blocks.estimate(self.normal_of)
+
+    def normal_of(self, forces: np.ndarray) -> np.ndarray:
+        """That of ring forces (64, 2) in N."""
+        return np.asarray(-np.sum(forces * NORMAL, axis=1) / self.area)
 
     def tangential(self) -> tuple[np.ndarray, np.ndarray]:
         """Tangential stress (64,) in Pa along the growing angle, and its errors."""
         return self.blocks.estimate(lambda forces: np.sum(forces * TANGENT, axis=1) / self.area)
 
-    def peak(self) -> tuple[float, float]:
-        """The largest normal stress, Pa, and its error at the angle where it is found."""
+    def peak(self) -> tuple[np.ndarray, np.ndarray]:
+        """The largest normal stress (1,), Pa, and its error at the angle where it is found."""
         stress, error = self.normal()
-        at = int(np.argmax(stress))
-        return float(stress[at]), float(error[at])
+        at = np.argmax(stress, keepdims=True)
+        return stress[at], error[at]
 
     def forces(self) -> tuple[np.ndarray, np.ndarray]:
         """Drag and lift (2,) in N that the stresses add up to, and their errors."""

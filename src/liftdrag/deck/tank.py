@@ -69,6 +69,7 @@ def build(
             "ranks": ranks,
             "settled": bed.settled,
             "trajectory_every": numerics.trajectory_every.value if dump else 0,
+            "fields_every": numerics.fields_every.value if numerics.fields_every else 0,
         }
     )
     runs = _runs(scene, numerics, dialect)

@@ -17,7 +17,7 @@ from liftdrag.deck.restart import STAGES, read, written
 MARK = b"LammpS RestartT\0"
 """How a restart file begins and, when it is whole, ends."""
 
-ANSWERED_FROM = ("surface.dump", "snapshots.dump")
+ANSWERED_FROM = ("surface.dump", "snapshots.dump", "fields.dump", "contacts.dump")
 DUMPS = (*ANSWERED_FROM, "trajectory.dump")
 
 _HEAD = 8
