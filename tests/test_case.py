@@ -232,12 +232,12 @@ def test_scene_that_cannot_be_is_refused(key: str, wrong: str, right: str, probl
     assert CASE.set(key, right).scene.scene == "tank"
 
 
-def test_lid_closer_than_sixteen_diameters_is_refused():
+def test_lid_closer_than_three_diameters_is_refused():
     deep = CASE.set("tank.height", "80 d").set("lid", {"density_ratio": 60.0, "bulk_gravity": True})
-    error = refusal(deep.set("intruder.depth", "15.99 D"))
+    error = refusal(deep.set("intruder.depth", "2.99 D"))
     assert error.key == "intruder.depth"
     assert "the lid is closer" in error.problem
-    assert deep.set("intruder.depth", "16 D").scene.lid is not None
+    assert deep.set("intruder.depth", "3 D").scene.lid is not None
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from liftdrag import hertz
 from liftdrag.deck.dialect import DIALECTS, LAMMPS, LAMMPS_2021, LIGGGHTS, Contact
 from liftdrag.errors import CaseError
-from liftdrag.runner import prepare
+from liftdrag.tank import prepare
 
 CONTACT = Contact(
     youngs_modulus=5e6, poisson_ratio=0.45, restitution=0.6, friction=0.5, radius=0.75e-3

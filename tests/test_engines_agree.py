@@ -18,7 +18,8 @@ from liftdrag.case import Case, load
 from liftdrag.deck import Deck
 from liftdrag.engines import ENGINES, engine
 from liftdrag.result import Result
-from liftdrag.runner import analyze, prepare, run
+from liftdrag.runner import analyze, run
+from liftdrag.tank import prepare
 
 QUICK = load("quick")
 SMALL = (

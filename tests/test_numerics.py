@@ -297,6 +297,15 @@ def test_warning_appears_just_when_its_condition_holds(
     assert found[0].startswith(warning)
 
 
+def test_a_lid_nearer_than_the_papers_is_warned_about():
+    def near(depth: str) -> list[str]:
+        found = derive(under_lid(LID).set("intruder.depth", depth).scene).warnings
+        return [warning for warning in found if warning.startswith("The lid is near")]
+
+    assert near("16 D") == []
+    assert len(near("15.9 D")) == 1
+
+
 @pytest.mark.parametrize(("distance", "warning"), [("139.9 d", "far field"), ("140.1 d", "wake")])
 def test_a_second_pass_is_worse_than_a_spoilt_far_field(distance: str, warning: str):
     found = numerics("drive.distance", distance).warnings

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from conftest import program, tiny_tank
 
-import liftdrag.runner
+import liftdrag.tank
 from liftdrag.deck import Plan
 from liftdrag.deck.dialect import LAMMPS, LAMMPS_2021, LAMMPS_2023, LIGGGHTS
 from liftdrag.engines import ENGINES, checks, engine, mpi
@@ -457,7 +457,7 @@ def test_one_rank_that_was_planned_is_no_copy():
 def strange_launcher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """MPICH's mpiexec in place of Open MPI's; of the probes only the one of the ranks."""
     monkeypatch.setattr(Program, "launcher", lambda _: mpi.mpiexec())
-    monkeypatch.setattr(liftdrag.runner, "TANK", ())
+    monkeypatch.setattr(liftdrag.tank, "TANK", ())
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 

@@ -16,17 +16,19 @@ import pytest
 from conftest import EXPERIMENTS, LONG, TINY, tiny_tank
 
 import liftdrag
-import liftdrag.runner
+import liftdrag.tank
 from liftdrag.analysis.errorbars import average
 from liftdrag.deck import Deck
 from liftdrag.engines import engine, mpi
 from liftdrag.engines.family import read_dump
 from liftdrag.errors import InputError, RunFailed
+from liftdrag.execution import write_deck
 from liftdrag.folder import Record, fresh
 from liftdrag.granular import GRAVITY
 from liftdrag.result import Result
-from liftdrag.runner import analyze, prepare, run, write_deck
+from liftdrag.runner import analyze, run
 from liftdrag.snapshot import Snapshot
+from liftdrag.tank import prepare
 
 QUANTITIES = {
     "drag": "N",
@@ -323,7 +325,7 @@ def test_answers_that_fail_leave_a_run_that_can_be_analysed(tmp_path, monkeypatc
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(liftdrag.runner, "answers", interrupted)
+        patch.setattr(liftdrag.tank, "answers", interrupted)
         with pytest.raises(KeyboardInterrupt):
             run(EXPERIMENTS["free surface"], tmp_path)
     assert analyze(tmp_path).quantities["drag"].mean > 0.0

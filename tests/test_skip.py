@@ -24,8 +24,8 @@ from liftdrag.engines.probes import TANK, Subject, probe
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
 from liftdrag.numerics import derive
-from liftdrag.runner import prepare
 from liftdrag.speed.skips import WORK
+from liftdrag.tank import prepare
 
 CASE = tiny_tank(tank={"thickness": "4 d"})
 SLIPPERY = CASE.set("grains.friction", 0.0)

@@ -22,9 +22,10 @@ from liftdrag.deck.dialect import Dialect
 from liftdrag.engines import engine, stopper
 from liftdrag.engines.base import silent
 from liftdrag.errors import CaseError, InputError, SeriesTooShort
-from liftdrag.runner import analyze, prepare, run
+from liftdrag.runner import analyze, run
 from liftdrag.scene.stop import Stop, Target
 from liftdrag.series import Series
+from liftdrag.tank import prepare
 
 FIVE_PERCENT = {"drag": Target(0.05, 0.0)}
 LENGTH = 8000
@@ -259,7 +260,7 @@ def test_early_end_without_its_file_is_no_finished_run(tmp_path):
 def test_run_answers_from_what_it_has_and_says_what_stopped_it(monkeypatch, out):
     monkeypatch.setattr(stopping, "LEAST_INDEPENDENT", 2)
     monkeypatch.setattr(stopper, "MOST_S", 0.2)
-    monkeypatch.setattr("liftdrag.runner.Stopping", lambda *given: Stopping(*given, look_at=45))
+    monkeypatch.setattr("liftdrag.tank.Stopping", lambda *given: Stopping(*given, look_at=45))
     case = tiny_tank(
         stop={"quantity": ["drag", "drag_coefficient"], "relative_error": 2.0},
         drive={"distance": "80 D"},

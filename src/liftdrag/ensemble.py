@@ -10,7 +10,7 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -36,7 +36,7 @@ from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.engines.watchdog import Watchdog, limits
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import how_on
+from liftdrag.execution import Asked, how_on
 from liftdrag.folder import (
     FULL,
     RESULT,
@@ -117,44 +117,27 @@ def write_decks(case: Case, engine: Engine, out: str | Path | None) -> tuple[Pat
     return folder, numerics
 
 
-def run(
-    case: Case,
-    engine: Engine,
-    out: str | Path | None = None,
-    ranks: int | None = None,
-    progress: Progress = silent,
-    ignore_probes: Sequence[str] = (),
-    timeout_s: float | None = None,
-) -> Result:
+def run(case: Case, asked: Asked) -> Result:
     """Run all packings of a case, `ranks` at a time, and answer with their means.
 
     Under MPICH's `mpiexec` each rank runs its share, and all but the first end here. Raises
     InputError before anything is started, RunFailed when a packing does not finish.
     """
     with contextlib.ExitStack() as own:
-        return _run(case, engine, out, ranks, progress, ignore_probes, timeout_s, own)
+        return _run(case, asked, own)
 
 
-def _run(
-    case: Case,
-    engine: Engine,
-    out: str | Path | None,
-    ranks: int | None,
-    progress: Progress,
-    ignore_probes: Sequence[str],
-    timeout_s: float | None,
-    own: contextlib.ExitStack,
-) -> Result:
+def _run(case: Case, asked: Asked, own: contextlib.ExitStack) -> Result:
     scene = _planar(case)
-    check_shape(scene, engine.dialect)
+    check_shape(scene, asked.engine.dialect)
     world, start = mpi.world(program="liftdrag"), time.monotonic()
     if world.size > 1:
-        task, record, outcomes = _in_team(case, engine, out, progress, ignore_probes, world, own)
+        task, record, outcomes = _in_team(case, asked, world, own)
         return _conclude(task, record, outcomes, scene.ensemble.runs, time.monotonic() - start)
-    workers = ranks or cores()
-    task, record = _begin(case, engine, out, progress, ignore_probes, workers, own)
-    task = replace(task, watchdog=_watchdog(timeout_s))
-    outcomes, count = _recorded(task, record, progress, workers)
+    workers = asked.ranks or cores()
+    task, record = _begin(case, asked, workers, own)
+    task = replace(task, watchdog=_watchdog(asked.timeout_s))
+    outcomes, count = _recorded(task, record, asked.progress, workers)
     return _conclude(task, record, outcomes, count, time.monotonic() - start)
 
 
@@ -223,29 +206,23 @@ def _planar(case: Case) -> Drag2DScene:
 
 
 def _begin(
-    case: Case,
-    engine: Engine,
-    out: str | Path | None,
-    progress: Progress,
-    ignore_probes: Sequence[str],
-    workers: int,
-    own: contextlib.ExitStack,
+    case: Case, asked: Asked, workers: int, own: contextlib.ExitStack
 ) -> tuple[_Task, Record]:
     """Probe the engine, and write all of the record that is known before the packings are."""
+    engine, scene = asked.engine, _planar(case)
     engine.check(1)
-    check_free(out)
-    scene = _planar(case)
+    check_free(asked.out)
     numerics = derive(scene)
-    check_means(scene, numerics, engine, workers, out)
+    check_means(scene, numerics, engine, workers, asked.out)
     probes, alarms = list[Probe](), list[str]()
     if engine.dialect is not IN_HOUSE:
         subject = Subject(contact_of(scene), scene.grains.density)
-        probes, alarms = trusted(engine, subject, PLANAR, ignore_probes)
+        probes, alarms = trusted(engine, subject, PLANAR, asked.ignored_probes)
     if is_cold():
-        progress("compile", 0, 1)
+        asked.progress("compile", 0, 1)
     with ThreadPoolExecutor(1) as aside:  # a signal in compiled code would end the process
         first = aside.submit(_made, case, scene, 0, engine.dialect).result()
-    folder = own.enter_context(claimed(out, case.name))
+    folder = own.enter_context(claimed(asked.out, case.name))
     expected = foresee(scene, numerics, engine, workers)
     numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
     with writing(folder):
@@ -269,13 +246,7 @@ def _begin(
 
 
 def _in_team(
-    case: Case,
-    engine: Engine,
-    out: str | Path | None,
-    progress: Progress,
-    ignore_probes: Sequence[str],
-    world: mpi.World,
-    own: contextlib.ExitStack,
+    case: Case, asked: Asked, world: mpi.World, own: contextlib.ExitStack
 ) -> tuple[_Task, Record, list[Outcome]]:
     """This rank's share of the packings; only the first rank returns, with those of all."""
     from mpi4py import MPI
@@ -283,15 +254,15 @@ def _in_team(
     team, first = MPI.COMM_WORLD, None
     try:
         if world.rank == 0:
-            first = _begin(case, engine, out, progress, ignore_probes, world.size, own)
+            first = _begin(case, asked, world.size, own)
     finally:
         place = team.bcast(str(first[0].folder) if first else "", root=0)
     if not place:
         sys.exit(2)
     scene = _planar(case)
-    task = first[0] if first else _Task(case, scene, engine, Path(place))
+    task = first[0] if first else _Task(case, scene, asked.engine, Path(place))
     mine = range(world.rank, scene.ensemble.runs, world.size)
-    shares = team.gather(_share(task, mine, progress if first else silent), root=0)
+    shares = team.gather(_share(task, mine, asked.progress if first else silent), root=0)
     if first is None or shares is None:
         sys.exit(0)
     for share in shares:

@@ -6,22 +6,47 @@ import contextlib
 import shlex
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from liftdrag.case import Case
 from liftdrag.deck import Deck
-from liftdrag.engines.base import Engine, Enough, Outcome, Progress
+from liftdrag.engines.base import Engine, Enough, Outcome, Progress, silent
 from liftdrag.engines.probes import Probe
 from liftdrag.engines.watchdog import Limits, limits
-from liftdrag.errors import RunFailed
+from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RESULT, Record, write_json, writing
 from liftdrag.numerics import Numerics, explained
 from liftdrag.result import begun, cost, provenance
 
 CUT_SHORT = ("killed", "timeout", "stalled", "disk_full")
 """Ends of a run that are no fault of its own."""
+
+MAX_RANKS = 4096
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How a case is to be run: on which engine, in the folder `out`, on so many ranks.
+
+    With `dump` a trajectory is kept; a probe of `ignored_probes` may fail; the run may last
+    `timeout_s` (s).
+    """
+
+    engine: Engine
+    out: str | Path | None = None
+    ranks: int | None = None
+    dump: bool = False
+    progress: Progress = silent
+    ignored_probes: Sequence[str] = ()
+    timeout_s: float | None = None
+
+
+def check_ranks(ranks: int) -> None:
+    """Raise InputError for a number of ranks that nothing can start."""
+    if not 1 <= ranks <= MAX_RANKS:
+        raise InputError(f"--ranks {ranks} is not between 1 and {MAX_RANKS}.")
 
 
 def write_deck(

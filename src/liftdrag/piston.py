@@ -30,7 +30,7 @@ from liftdrag.engines.fills import read_fills
 from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import carried_out, write_deck
+from liftdrag.execution import Asked, carried_out, write_deck
 from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json
 from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import packed_column
@@ -72,33 +72,17 @@ def write_decks(
     return folder, numerics, deck.plan
 
 
-def run(
-    case: Case,
-    engine: Engine,
-    out: str | Path | None = None,
-    ranks: int = 1,
-    progress: Progress = silent,
-    ignore_probes: Sequence[str] = (),
-    timeout_s: float | None = None,
-) -> Result:
+def run(case: Case, asked: Asked) -> Result:
     """Fill the tube on so many ranks, or threads of the in-house engine, and answer.
 
     Raises InputError before anything is started, RunFailed when the engine does not finish.
     """
     with ExitStack() as own:
-        return _run(case, engine, out, ranks, progress, ignore_probes, timeout_s, own)
+        return _run(case, asked, own)
 
 
-def _run(
-    case: Case,
-    engine: Engine,
-    out: str | Path | None,
-    ranks: int,
-    progress: Progress,
-    ignore_probes: Sequence[str],
-    timeout_s: float | None,
-    until_end: ExitStack,
-) -> Result:
+def _run(case: Case, asked: Asked, until_end: ExitStack) -> Result:
+    engine, scene = asked.engine, scene_of(case)
     world = engine.world()
     own = engine.dialect is IN_HOUSE
     if own and world.size > 1:
@@ -109,16 +93,16 @@ def _run(
     if world.rank > 0:
         engine.join()
     try:
-        engine.check(ranks)
-        check_free(out)
-        ranks = world.size if world.size > 1 else ranks
-        check_means(scene_of(case), derive(scene_of(case), ranks), engine, ranks, out)
-        found, alarms = _probed(scene_of(case), engine, ignore_probes)
-        expected = foresee(scene_of(case), derive(scene_of(case), ranks), engine, ranks)
-        progress("compile" if own and is_cold() else "packing", 0, 1)
+        engine.check(asked.ranks or 1)
+        check_free(asked.out)
+        ranks = world.size if world.size > 1 else asked.ranks or 1
+        check_means(scene, derive(scene, ranks), engine, ranks, asked.out)
+        found, alarms = _probed(scene, engine, asked.ignored_probes)
+        expected = foresee(scene, derive(scene, ranks), engine, ranks)
+        asked.progress("compile" if own and is_cold() else "packing", 0, 1)
         numerics, deck = prepare(case, engine.dialect, ranks)
         numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-        folder = until_end.enter_context(claimed(out, case.name))
+        folder = until_end.enter_context(claimed(asked.out, case.name))
         record = write_deck(
             case,
             numerics,
@@ -133,7 +117,7 @@ def _run(
     except BaseException:
         engine.release()
         raise
-    outcome, found_all = gone_through(case, engine, record, folder, progress, timeout_s)
+    outcome, found_all = gone_through(case, engine, record, folder, asked.progress, asked.timeout_s)
     expected.compare(outcome, _work(Record.read(folder), outcome.grains))
     return found_all
 

@@ -22,8 +22,9 @@ from liftdrag.execution import carried_out, resumable
 from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
 from liftdrag.lock import held
 from liftdrag.result import Result, budgeted
-from liftdrag.runner import analyze, engine_for, enough_for, run
+from liftdrag.runner import analyze, engine_for, run
 from liftdrag.scene import Drag2DScene, JanssenScene
+from liftdrag.tank import enough_for
 
 _log = logging.getLogger("liftdrag")
 

@@ -424,6 +424,11 @@ def _warnings(
             f"Not quasi-static: the inertial number is {inertial.value:.2g}, above {QUASI_STATIC}; "
             "the forces, the lift first, depend on drive.speed."
         )
+    if scene.lid is not None and scene.intruder.depth < (1.0 - 1e-9) * scene.lid_depth:
+        yield (
+            f"The lid is near: intruder.depth is {scene.intruder.depth:.4g} m, the paper's "
+            f"{scene.lid_depth:.4g} m; the flow may feel it."
+        )
     if box.thickness < 8.0 * d:
         yield (
             f"The box is thin: tank.thickness is {box.thickness / d:.3g} d, the paper's 10 d; "

@@ -16,6 +16,9 @@ from liftdrag.scene.model import Part
 from liftdrag.scene.quantities import Length, Speed
 from liftdrag.scene.stop import Stop, Target
 
+NEAREST_LID = 3.0
+"""Depth in intruder diameters under which the cylinder would jam against the lid."""
+
 LID_DEPTH = 16.0
 """Depth in intruder diameters at which the paper puts a lid; nearer, the lid is felt."""
 
@@ -121,6 +124,11 @@ class TankScene(Part):
     def fresh_distance(self) -> float:
         """Displacement (m) after which grains that passed the cylinder enter the far field."""
         return (1.0 - AXIS + FAR[0]) * self.tank.length
+
+    @property
+    def lid_depth(self) -> float:
+        """Depth (m) from which on the cylinder does not feel the lid."""
+        return LID_DEPTH * self.intruder.diameter
 
     @property
     def far_band(self) -> tuple[float, float]:
@@ -231,13 +239,12 @@ def _check_tank(scene: TankScene) -> None:
 
 
 def _check_lid(scene: TankScene) -> None:
-    nearest = LID_DEPTH * scene.intruder.diameter
+    nearest = NEAREST_LID * scene.intruder.diameter
     if scene.lid is not None and _under(scene.intruder.depth, nearest):
         raise CaseError(
             "intruder.depth",
             scene.intruder.depth,
-            f"the lid is closer than the paper's, {LID_DEPTH:g} intruder diameters above "
-            "the intruder's centre",
+            f"the lid is closer than {NEAREST_LID:g} intruder diameters to the intruder's centre",
             f"make the depth at least {nearest:.6g} m, or leave the lid out",
         )
     for name in ("length", "thickness"):
