@@ -19,7 +19,7 @@ FEWEST = 8
 """Snapshots without which there are no fields."""
 
 LOOP = 2.5
-"""Half the sides of the loop over which momentum is balanced, in intruder diameters, at the most."""
+"""Half the sides of the loop over which momentum is balanced, in intruder diameters, or less."""
 
 APART = 3.0
 """Errors between the snapshots' force and that of the series above which a warning says so."""

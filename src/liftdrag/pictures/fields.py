@@ -14,7 +14,7 @@ from liftdrag.scene import TankScene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
 
 REACH = 5.0
 """Fields are drawn this many intruder diameters to each side of the axis."""
@@ -74,9 +74,12 @@ def draw_asymmetry(
     figure, panels = _panels(scene, fields.grid, 2, 2)
     flow = velocity(mean)
     even, odd = split(fields.grid, pressure(mean))
+    odd += bulk * scene.bulk_gravity * fields.grid.z
     along = split(fields.grid, flow[..., 0])[1] / scene.drive.speed
     _map(panels[0], scene, fields, even / confining, "symmetric pressure / confining pressure")
-    _signed(panels[1], scene, fields, odd / gradient, "antisymmetric pressure / rho g D")
+    _signed(
+        panels[1], scene, fields, odd / gradient, "antisymmetric pressure less the bed's / rho g D"
+    )
     _signed(panels[2], scene, fields, along, "antisymmetric speed along the flow / drive speed")
     _draw_odd_stress(panels[3], scene, ring, confining, bulk)
     figure.savefig(path, dpi=120)
@@ -89,14 +92,14 @@ def _draw_odd_stress(
 
     def odd(forces: np.ndarray) -> np.ndarray:
         normal = ring.normal_of(forces)
-        return (normal - mirrored(normal)) / (2.0 * gradient)
+        return np.asarray((normal - mirrored(normal)) / (2.0 * gradient))
 
     stress, error = ring.blocks.estimate(odd)
     normal, _ = ring.normal()
     expected = weighted_stress(scene, (normal + mirrored(normal)) / 2.0, confining, bulk)
     _band(axes, stress, error, "tab:blue", "measured")
     axes.plot(np.degrees(ANGLES), expected / gradient, color="0.3", dashes=(2, 2), label="by eq. 4")
-    axes.set_aspect("auto")
+    axes.set_box_aspect(0.75)
     axes.set_title("antisymmetric normal stress / rho g D", loc="left", fontsize="medium")
     _angles(axes)
 
