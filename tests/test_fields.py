@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pytest
-from conftest import tiny_tank
+from conftest import tiny_tank, with_lid
 from numpy.testing import assert_allclose
 
 from liftdrag.analysis import fields, ring
+from liftdrag.analysis.around import around, quantities, warnings
 from liftdrag.analysis.blocks import Blocks, BlockSums
 from liftdrag.analysis.fields import Grid, branches, loop_force, moments, split
+from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.window import common_volume, share_inside, spread_branches
 from liftdrag.granular import GRAVITY
 from liftdrag.snapshot import ForceSnapshot
@@ -246,3 +249,38 @@ class TestBlocks:
     def test_one_block_has_no_error(self):
         error = Blocks(np.ones((1, 3)), np.array([2])).estimate(lambda mean: mean)[1]
         assert np.isnan(error).all()
+
+
+@pytest.mark.parametrize("lid_only", [True, False])
+def test_the_numbers_are_those_of_the_stress(lid_only):
+    """Even pushes on the front half, of 15 times the confining pressure."""
+    scene = with_lid(bulk_gravity=not lid_only).set("fields.snapshots", 8).scene
+    angles = (np.arange(320) + 0.5) * pi / 320 - pi / 2
+    out = np.column_stack([-np.cos(angles), 0 * angles, -np.sin(angles)])
+    push = 15.0 * 200.0 * pi * RADIUS * scene.tank.thickness / 320
+    axis = [scene.axis_x, 1e-3, scene.axis_height]
+    beds = [
+        ForceSnapshot(
+            time + 0.5, axis + out * RADIUS, 0.0 * out, push * out, np.zeros((0, 2), int), out[:0]
+        )
+        for time in range(8)
+    ]
+    found = around(scene, beds, 0.0, 8.0)
+    peak = 15.0 * np.exp(-0.5 * ring.WIDTH**2)
+    told = quantities(scene, found, Quantity(200.0, 4.0, "Pa", None, None, True))
+    assert_allclose(
+        told["snapshot_drag"].mean, 15 * 200 * 2 * RADIUS * scene.tank.thickness, rtol=1e-4
+    )
+    assert_allclose(told["front_pressure_ratio"].mean, peak, rtol=1e-3)
+    assert_allclose(told["front_pressure_ratio"].standard_error, 0.02 * peak, rtol=1e-3)
+    assert_allclose(told["loop_drag"].mean, 0.0, atol=1e-12)
+    assert told["tangential_drag_share"].mean < 0.02
+    assert "tangential_lift_share" not in told
+    assert ("predicted_lift_coefficient" in told) == lid_only
+    if lid_only:
+        assert_allclose(told["predicted_lift_coefficient"].mean, 7.5, rtol=0.01)
+    drag = told["snapshot_drag"]
+    known = {"drag": replace(drag, mean=1.1 * drag.mean), "lift": told["snapshot_lift"]}
+    (warning,) = warnings(found, known)
+    assert warning.startswith(f"The snapshots' mean drag is {-0.1 * drag.mean:.2g} N off")
+    assert around(scene, beds[:7], 0.0, 8.0) is None

@@ -18,9 +18,6 @@ from liftdrag.snapshot import ForceSnapshot
 FEWEST = 8
 """Snapshots without which there are no fields."""
 
-LOOP = 2.5
-"""Half the sides of the loop over which momentum is balanced, in intruder diameters, or less."""
-
 APART = 3.0
 """Errors between the snapshots' force and that of the series above which a warning says so."""
 
@@ -82,7 +79,11 @@ def quantities(scene: TankScene, found: Around, confining: Quantity) -> dict[str
     for name, share in shares.items():
         if name == "drag" or abs(lift.mean) > SURE * lift.standard_error:
             answers[f"tangential_{name}_share"] = share
-    answers |= _from_blocks(("loop_drag", "loop_lift"), _loop(scene, found.fields), found, "N")
+    if (reach := _reach(scene, found.fields.grid)) is not None:
+        loop = found.fields.blocks.estimate(
+            lambda mean: loop_force(scene, found.fields.grid, mean, reach)
+        )
+        answers |= _from_blocks(("loop_drag", "loop_lift"), loop, found, "N")
     peak = _from_blocks(("peak",), found.ring.peak(), found, "Pa")["peak"]
     answers["front_pressure_ratio"] = ratio(peak, 1.0, [confining], "1")
     if scene.lid is not None and not scene.lid.bulk_gravity:
@@ -97,11 +98,14 @@ def _eq_4(ring: Ring, forces: np.ndarray) -> np.ndarray:
     return np.array([predicted_lift(ring.normal_of(forces), 1.0)])
 
 
-def _loop(scene: TankScene, fields: Fields) -> tuple[np.ndarray, np.ndarray]:
-    """Drag and lift (2,) by the balance about the axis, as far out as the bed below lets it be."""
-    below = scene.axis_height - 2.0 * scene.grains.diameter
-    reach = min(LOOP * scene.intruder.diameter, below)
-    return fields.blocks.estimate(lambda mean: loop_force(scene, fields.grid, mean, reach))
+def _reach(scene: TankScene, grid: Grid) -> float | None:
+    """How far from the axis (m) momentum is balanced: no window there sees the cylinder.
+
+    None where one would see the bottom layer, which is driven.
+    """
+    reach = scene.intruder.diameter / 2.0 + 2.0 * grid.radius
+    lowest = scene.axis_height - reach - float(grid.step[2])
+    return reach if lowest > scene.grains.diameter + grid.radius else None
 
 
 def _from_blocks(
@@ -122,9 +126,9 @@ def warnings(found: Around, known: Mapping[str, Quantity]) -> Iterator[str]:
     `known` has the drag and the lift of the whole series.
     """
     for name, snapshot in zip(FORCES, found.snapshots.values(), strict=True):
-        apart = (snapshot.mean - known[name].mean) / snapshot.standard_error
-        if abs(apart) > APART:
+        apart = snapshot.mean - known[name].mean
+        if abs(apart) > APART * snapshot.standard_error:
             yield (
-                f"The snapshots' mean {name} is {apart:.1f} of its errors from that of the whole "
-                "series: take more of them (fields.snapshots)."
+                f"The snapshots' mean {name} is {apart:+.2g} N off that of the whole series, more "
+                f"than {APART:g} of its errors: take more of them (fields.snapshots)."
             )

@@ -20,6 +20,9 @@ FRAME = 90.0
 RESTARTS = 1000.0
 """Bytes of a grain in three restart files: 270 in each of a small bed."""
 
+FIELDS = 270.0
+"""Bytes of a grain, its two contacts and its wall force in a snapshot for the fields."""
+
 HEIGHT = 12.0
 """Bytes of a grain of the surface."""
 
@@ -51,10 +54,12 @@ def _tank(scene: TankScene, numerics: TankNumerics, dump: bool) -> float:
     frames = steps / numerics.snapshot_every.value + 2.0
     if dump:
         frames += steps / numerics.trajectory_every.value
+    every = numerics.fields_every
+    of_fields = FIELDS * (steps / every.value + 1.0) if every else 0.0
     far = (right - left) / scene.tank.length * steps / numerics.surface_every.value
     grains = numerics.grain_steps.value / (numerics.settle_steps.value + steps)
     kept = RESTARTS if numerics.restart_every.value < steps else 0.0
-    of_grain = DECK + FRAME * frames + HEIGHT * far + kept
+    of_grain = DECK + FRAME * frames + of_fields + HEIGHT * far + kept
     return grains * of_grain + ROW * steps / numerics.row_every.value
 
 

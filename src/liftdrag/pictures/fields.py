@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 REACH = 5.0
 """Fields are drawn this many intruder diameters to each side of the axis."""
 
+STILL = 0.03
+"""Share of the drive's speed below which no streamlines are drawn: chance has a part in it."""
+
 BED = 0.1
 """Solid fraction below which a window lies above the bed."""
 
@@ -43,6 +46,7 @@ def draw_streamlines(scene: TankScene, fields: Fields, path: Path) -> None:
     for axes, (frame, moved) in zip(panels, frames, strict=True):
         own = flow - [moved, 0.0, 0.0]
         speed = np.linalg.norm(own, axis=-1)
+        own[speed < STILL] = np.nan
         _map(axes, scene, fields, speed, f"speed / drive speed, frame of the {frame}", "viridis")
         _streamlines(axes, scene, fields.grid, own)
     figure.savefig(path, dpi=120)
@@ -72,13 +76,17 @@ def draw_asymmetry(
     """
     mean, gradient = fields.blocks.mean, bulk * GRAVITY * scene.intruder.diameter
     figure, panels = _panels(scene, fields.grid, 2, 2)
-    flow = velocity(mean)
-    even, odd = split(fields.grid, pressure(mean))
+    flow = _seen(scene, fields, velocity(mean))
+    even, odd = split(fields.grid, _seen(scene, fields, pressure(mean)))
     odd += bulk * scene.bulk_gravity * fields.grid.z
     along = split(fields.grid, flow[..., 0])[1] / scene.drive.speed
     _map(panels[0], scene, fields, even / confining, "symmetric pressure / confining pressure")
     _signed(
-        panels[1], scene, fields, odd / gradient, "antisymmetric pressure less the bed's / rho g D"
+        panels[1],
+        scene,
+        fields,
+        odd / gradient,
+        "antisymmetric pressure less hydrostatic / rho g D",
     )
     _signed(panels[2], scene, fields, along, "antisymmetric speed along the flow / drive speed")
     _draw_odd_stress(panels[3], scene, ring, confining, bulk)
@@ -130,7 +138,7 @@ def _band(axes: Axes, values: np.ndarray, errors: np.ndarray, color: str, label:
 
 def _angles(axes: Axes) -> None:
     axes.axhline(0.0, color="0.6", linewidth=0.6)
-    axes.set(xlim=(-180.0, 180.0), xlabel="angle (degrees)")
+    axes.set(xlim=(-180.0, 180.0), xlabel="angle around the cylinder")
     axes.set_xticks([-180, -90, 0, 90, 180], ["rear", "above", "front", "below", "rear"])
     axes.legend(frameon=False)
 
@@ -158,10 +166,12 @@ def _shown_axes(scene: TankScene, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _seen(scene: TankScene, fields: Fields, values: np.ndarray) -> np.ndarray:
-    """Values (nx, nz, ...) where the bed is; not a number inside the cylinder and above."""
-    inside = np.hypot(fields.grid.x[:, None], fields.grid.z) < scene.intruder.diameter / 2.0
+    """Values (nx, nz, ...) where the bed is: not inside the cylinder, above, or at the floor."""
+    grid = fields.grid
+    inside = np.hypot(grid.x[:, None], grid.z) < scene.intruder.diameter / 2.0
+    floor = grid.z + scene.axis_height < grid.radius
     found = values.astype(float)
-    found[inside | (fields.blocks.mean[..., 0] < BED)] = np.nan
+    found[inside | floor | (fields.blocks.mean[..., 0] < BED)] = np.nan
     return found
 
 
@@ -179,10 +189,11 @@ def _map(
     columns, levels = _shown(scene, fields.grid)
     x, z = _shown_axes(scene, fields.grid)
     part = _seen(scene, fields, values)[columns][:, levels]
+    drawn = np.isfinite(part).any(axis=0)
     mesh = axes.pcolormesh(x, z, part.T, cmap=cmap, shading="nearest", **limits)
-    axes.figure.colorbar(mesh, ax=axes, shrink=0.9)
+    axes.figure.colorbar(mesh, cax=axes.inset_axes((1.03, 0.0, 0.04, 1.0)))
     axes.add_patch(Circle((0.0, 0.0), 0.5, color="0.8"))
-    axes.set(aspect="equal", xlabel="x / D", ylabel="z / D")
+    axes.set(aspect="equal", xlabel="x / D", ylabel="z / D", ylim=z[drawn][[0, -1]])
     axes.set_title(title, loc="left", fontsize="medium")
 
 
