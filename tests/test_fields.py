@@ -261,7 +261,12 @@ def test_the_numbers_are_those_of_the_stress(lid_only):
     axis = [scene.axis_x, 1e-3, scene.axis_height]
     beds = [
         ForceSnapshot(
-            time + 0.5, axis + out * RADIUS, 0.0 * out, push * out, np.zeros((0, 2), int), out[:0]
+            time + 0.5,
+            axis + out * RADIUS,
+            0.0 * out,
+            push * (out + 1e-3 * (-1) ** time * np.eye(3)[2]),
+            np.zeros((0, 2), int),
+            out[:0],
         )
         for time in range(8)
     ]
@@ -272,8 +277,8 @@ def test_the_numbers_are_those_of_the_stress(lid_only):
         told["snapshot_drag"].mean, 15 * 200 * 2 * RADIUS * scene.tank.thickness, rtol=1e-4
     )
     assert_allclose(told["front_pressure_ratio"].mean, peak, rtol=1e-3)
-    assert_allclose(told["front_pressure_ratio"].standard_error, 0.02 * peak, rtol=1e-3)
-    assert_allclose(told["loop_drag"].mean, 0.0, atol=1e-12)
+    assert_allclose(told["front_pressure_ratio"].standard_error, 0.02 * peak, rtol=0.01)
+    assert "loop_drag" not in told
     assert told["tangential_drag_share"].mean < 0.02
     assert "tangential_lift_share" not in told
     assert ("predicted_lift_coefficient" in told) == lid_only

@@ -30,7 +30,7 @@ from liftdrag.runner import analyze
 from liftdrag.tank import prepare
 
 CASE = tiny_tank(
-    fields={"snapshots": 30}, drive={"distance": "10 D"}, numerics={"restart_every": 500}
+    fields={"snapshots": 20}, drive={"distance": "8 D"}, numerics={"restart_every": 500}
 )
 NEW = {
     "snapshot_drag": "N",
@@ -101,7 +101,7 @@ class TestDumps:
         for name in ("drag", "lift"):
             loop, force = told[f"loop_{name}"], told[f"snapshot_{name}"]
             assert abs(loop.mean - force.mean) < 3.0 * loop.standard_error
-        assert told["loop_drag"].mean > 5.0 * told["loop_drag"].standard_error
+        assert told["loop_drag"].mean > 3.0 * told["loop_drag"].standard_error
 
     def test_hold_grains_that_push_each_other(self, dumped):
         """But for a few that part, which damping holds back."""
@@ -134,6 +134,15 @@ class TestARun:
         assert stored["stress"].shape == (len(stored["x"]), len(stored["z"]), 3, 3)
         assert (stored["pressure_error"] >= 0.0).all()
 
+    def test_leaves_image_data_for_paraview(self, result):
+        pyvista = pytest.importorskip("pyvista")
+        image = pyvista.read(result.folder / "fields.vti")
+        stored = np.load(result.folder / "fields.npz")
+        x, _, z = image.points[7 + 5 * len(stored["x"])]
+        assert_allclose([x, z], [stored["x"][7], stored["z"][5]], rtol=1e-6)
+        found = image.point_data["stress"][7 + 5 * len(stored["x"])]
+        assert_allclose(found.reshape(3, 3), stored["stress"][7, 5])
+
     def test_analyze_gives_the_same(self, result):
         again = analyze(result.folder)
         assert again.quantities == result.quantities
@@ -149,7 +158,7 @@ class TestARun:
 
 def test_a_run_that_goes_on_has_no_gap(result, tmp_path, monkeypatch):
     monkeypatch.setattr(process, "POLL_S", 0.02)
-    folder = killed(tmp_path / "run", "drive", 3000, CASE)
+    folder = killed(tmp_path / "run", "drive", 2000, CASE)
     assert resume(None, folder).quantities == result.quantities
     assert (folder / "fields.dump").read_bytes() == (result.folder / "fields.dump").read_bytes()
     plan = Record.read(folder).plan
