@@ -104,6 +104,16 @@ class TestFields:
         assert fields.pressure(found).min() == 0.0
         assert fields.pressure(found).max() > 0.0
 
+    def test_the_cylinder_presses_through_half_a_grain(self):
+        """On the other side of the tank's end, the branch is that from the nearest image."""
+        centre = np.array([[-RADIUS - 0.45 * D, D, 0.0]])
+        grid = Grid.of(SCENE, D, D / 8)
+        for moved in (0.0, LENGTH):
+            bed = grains(centre + moved * np.eye(3)[0], wall=[[-3.0, 0.0, 0.0]])
+            found = fields.stress(moments(SCENE, grid, bed)).sum((0, 1))
+            total = found * grid.step[0] * grid.step[2] * THICKNESS
+            assert_allclose(total, [[3.0 * 0.45 * D, 0, 0], [0] * 3, [0] * 3], rtol=0.02)
+
     def test_plug_flow_is_exact_and_no_volume_is_lost(self):
         place = RNG.uniform([-8 * D, 0, -3 * D], [8 * D, 3 * D, 3 * D], (100, 3))
         grid = Grid.of(SCENE, D, D / 4)
