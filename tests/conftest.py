@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import chromium
 import pytest
 
 from liftdrag.case import Case
@@ -67,6 +68,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def _skip_without(name: str) -> None:
+    if name == "chromium":
+        if chromium.program() is None:
+            pytest.skip("Chromium is not installed.")
+        return
     try:
         engine(name).about()
     except InputError as missing:

@@ -20,8 +20,8 @@ from liftdrag.case import packaged
 from liftdrag.cli import main
 from liftdrag.contacts import read_contact_dump
 from liftdrag.numerics import derive
-from liftdrag.report import table
 from liftdrag.scene import TankScene
+from liftdrag.terminal import table
 
 
 def liftdrag(*words: str | Path, folder: Path | None = None) -> subprocess.CompletedProcess[str]:

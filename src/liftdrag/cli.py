@@ -195,6 +195,7 @@ def run(
     from liftdrag.replicas import spread
     from liftdrag.resume import resume as go_on
     from liftdrag.runner import run as run_case
+    from liftdrag.trajectory import offer
 
     timeout_s = None if timeout is None else seconds(timeout, "--timeout")
     if resume:
@@ -226,6 +227,9 @@ def run(
                 chosen, replicas, out, engine, progress, engine_path, ignored, bench
             )
     _show(result, as_json)
+    if dump:
+        opened = offer(result.folder)
+        print(opened, file=sys.stderr if as_json else sys.stdout)
 
 
 @app.command()
@@ -243,8 +247,8 @@ def sweep(
 ) -> None:
     """Run the cases of a study that have not finished yet, and weigh its claims."""
     from liftdrag.progress import reported
-    from liftdrag.report import claim_table, run_table
     from liftdrag.study import sweep as run_study
+    from liftdrag.terminal import claim_table, run_table
 
     with reported() as progress:
         found = run_study(study, out, settings, jobs, progress)
@@ -277,7 +281,7 @@ def bench(
     from liftdrag.bench import bench as run_bench
     from liftdrag.bench import seconds
     from liftdrag.progress import spinning
-    from liftdrag.report import bench_table
+    from liftdrag.terminal import bench_table
 
     names = [name.strip() for name in axes.split(",")] if axes else []
     budget_s, chosen = seconds(budget), _case(case, settings)
@@ -322,8 +326,8 @@ def stress(
     """Map the stability of a case: which steps, grains and speeds break it, and by what."""
     from liftdrag.bench import seconds
     from liftdrag.progress import spinning
-    from liftdrag.report import stress_table
     from liftdrag.stress import stress as run_stress
+    from liftdrag.terminal import stress_table
 
     names = [name.strip() for name in axes.split(",")] if axes else []
     budget_s, chosen = seconds(budget), _case(case, settings)
@@ -380,6 +384,35 @@ def analyze(
 
 
 @app.command()
+def report(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folders of runs, replicas or studies."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="File to write; by default report.html in the folder, or here for several."
+        ),
+    ] = None,
+) -> None:
+    """Show runs on one page of HTML: answers, pictures, series, papers' numbers, provenance."""
+    from liftdrag.page import report as write
+
+    print(f"The page is {write(folders, out)}")
+
+
+@app.command()
+def vtk(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run with --dump.")],
+) -> None:
+    """Write the trajectory of a run for ParaView; OVITO opens trajectory.dump itself."""
+    from liftdrag.trajectory import write_vtk
+
+    print(f"ParaView opens {write_vtk(folder)}")
+
+
+@app.command()
 def doctor(
     engine: Annotated[
         str | None, typer.Option(help="Only this engine; by default each that is installed.")
@@ -391,7 +424,7 @@ def doctor(
     from liftdrag.doctor import examine
     from liftdrag.engines import ENGINES
     from liftdrag.progress import spinning
-    from liftdrag.report import engine_table, probe_table
+    from liftdrag.terminal import engine_table, probe_table
 
     if engine_path is not None and engine is None:
         raise InputError("--engine-path needs --engine: say whether it is lmp or liggghts.")
@@ -416,7 +449,7 @@ def verify(
     """Test an engine with two bodies, against closed forms and published values."""
     from liftdrag.engines import spatial
     from liftdrag.progress import spinning
-    from liftdrag.report import check_table, convergence_table
+    from liftdrag.terminal import check_table, convergence_table
     from liftdrag.verify import verified
 
     chosen = spatial(engine, engine_path)
@@ -459,7 +492,7 @@ def _first_comment(text: str) -> str:
 
 
 def _show(result: Result, as_json: bool) -> None:
-    from liftdrag.report import budget_lines
+    from liftdrag.terminal import budget_lines
 
     if as_json:
         print(json.dumps(result.record, indent=2))
@@ -496,7 +529,7 @@ def _print_tables(*tables: Table) -> None:
 def _print_table(quantities: Mapping[str, Quantity]) -> None:
     from rich.console import Console
 
-    from liftdrag.report import table
+    from liftdrag.terminal import table
 
     console = Console()
     width = console.width if console.is_terminal else 140

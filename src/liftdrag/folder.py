@@ -196,17 +196,22 @@ def _damaged(path: Path) -> InputError:
 
 
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
-    """Write a whole file or none: to a name beside it first, then renamed. Raises RunFailed."""
+    """Write a whole file or none. Raises RunFailed."""
+    with writing(path):
+        put(path, json.dumps(record, indent=2))
+
+
+def put(path: Path, text: str) -> None:
+    """Write a whole file or none: to a name beside it first, then renamed. Raises OSError."""
     beside = path.with_suffix(".part")
     try:
-        with writing(path):
-            with beside.open("w", encoding="utf-8") as file:
-                json.dump(record, file, indent=2)
-                file.flush()
-                os.fsync(file.fileno())
-            beside.replace(path)
-            _keep_names(path.parent)
-    except RunFailed:
+        with beside.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+        _keep_names(path.parent)
+    except OSError:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
         raise

@@ -15,7 +15,10 @@ DECK = 210.0
 """Bytes of a grain in the files that it starts from, and where it settled."""
 
 FRAME = 90.0
-"""Bytes of a grain in a picture or the trajectory of the bed."""
+"""Bytes of a grain in a picture of the bed."""
+
+TRAJECTORY = 120.0
+"""Bytes of a grain in a frame of the trajectory: 80 of text, 32 of VTK."""
 
 RESTARTS = 1000.0
 """Bytes of a grain in three restart files: 270 in each of a small bed."""
@@ -52,14 +55,13 @@ def needed(scene: Scene, numerics: Numerics, dump: bool = False) -> float:
 def _tank(scene: TankScene, numerics: TankNumerics, dump: bool) -> float:
     steps, left, right = numerics.drive_steps.value, *scene.far_field
     frames = steps / numerics.snapshot_every.value + 2.0
-    if dump:
-        frames += steps / numerics.trajectory_every.value
+    moments = steps / numerics.trajectory_every.value if dump else 0.0
     every = numerics.fields_every
-    of_fields = FIELDS * (steps / every.value + 1.0) if every else 0.0
+    fields = FIELDS * (steps / every.value + 1.0) if every else 0.0
     far = (right - left) / scene.tank.length * steps / numerics.surface_every.value
     grains = numerics.grain_steps.value / (numerics.settle_steps.value + steps)
     kept = RESTARTS if numerics.restart_every.value < steps else 0.0
-    of_grain = DECK + FRAME * frames + of_fields + HEIGHT * far + kept
+    of_grain = DECK + FRAME * frames + TRAJECTORY * moments + fields + HEIGHT * far + kept
     return grains * of_grain + ROW * steps / numerics.row_every.value
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from liftdrag.analysis.meanings import MEANINGS
 from liftdrag.analysis.quantity import Quantity, rounded
 
 if TYPE_CHECKING:
@@ -22,49 +23,6 @@ if TYPE_CHECKING:
 NARROW = 110
 """Width of a terminal in characters below which the meanings are left out."""
 
-_MEANINGS = {
-    "drag": "force along the flow",
-    "lift": "force across the flow",
-    "drag_coefficient": "drag / (rho g h~ D L)",
-    "lift_coefficient": "lift / (rho g pi D^2/4 L)",
-    "drag_coefficient_overburden": "drag / (measured overburden x D L)",
-    "solid_fraction": "of the far bed, or the column's bulk",
-    "depth": "of the axis below the far surface",
-    "effective_depth": "h~, depth and lid",
-    "overburden": "weight above the axis per area, far",
-    "bed_speed_ratio": "far bed over drive",
-    "snapshot_drag": "of the snapshots for the fields alone",
-    "snapshot_lift": "of the snapshots for the fields alone",
-    "tangential_drag_share": "share of the tangential stress in the drag",
-    "tangential_lift_share": "share of the tangential stress in the lift",
-    "loop_drag": "by the momentum that flows in around the cylinder",
-    "loop_lift": "by the momentum that flows in around the cylinder",
-    "front_pressure_ratio": "largest normal stress / overburden",
-    "predicted_lift_coefficient": "lift / buoyancy by the paper's eq. 4",
-    "inertial_number": "(U0/D) d / sqrt(P/rho_g)",
-    "drag_fluctuation": "deviation along the way",
-    "drag_deviation": "deviation between packings",
-    "rest_pressure": "on the walls, before the pull",
-    "pressure_left": "on the wall, during the pull",
-    "pressure_right": "on the wall, during the pull",
-    "pressure_bottom": "on the wall behind",
-    "pressure_top": "on the wall ahead",
-    "irregularity": "displacement not affine, over d",
-    "overlap_ratio": "deepest, of the smaller radius",
-    "apparent_mass": "load on the piston / g, last fill",
-    "weight_balance": "(piston + tube) / weight",
-    "saturation_mass": "by the one-parameter form",
-    "hydrostatic_cap": "M_0 of the two-parameter form",
-    "chi_square": "one-parameter form, per degree of freedom",
-    "janssen_ratio": "K of the fit, wall friction taken as mobilised",
-    "janssen_ratio_mobilised": "that over the mobilised share",
-    "janssen_ratio_direct": "wall normal / vertical stress, contacts",
-    "mobilised_friction": "tube's force / (mu_w x normal force)",
-    "wall_mobilisation": "mean of |T|/(mu_w N) at the wall",
-    "wall_sliding": "share of wall contacts at the limit",
-    "wall_rolling": "spin x d/2 over the speed, at the wall",
-}
-
 
 def table(quantities: Mapping[str, Quantity], width: int) -> Table:
     """The quantities as a table for a terminal `width` characters wide."""
@@ -77,7 +35,7 @@ def table(quantities: Mapping[str, Quantity], width: int) -> Table:
     if wide:
         result.add_column("meaning")
     for name, quantity in quantities.items():
-        result.add_row(name, *_cells(quantity), *([_MEANINGS.get(name, "")] if wide else []))
+        result.add_row(name, *_cells(quantity), *([MEANINGS.get(name, "")] if wide else []))
     return result
 
 

@@ -1,0 +1,90 @@
+"""What a sweep leaves in its folder: `runs.csv`, `claims.csv`, pictures, and a folder a run."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from liftdrag.analysis.quantity import rounded
+from liftdrag.files import is_file
+from liftdrag.folder import RECORD
+from liftdrag.page.record import RunRecord, is_run, read_record
+from liftdrag.page.sheets import Sheet, text, words
+from liftdrag.replicas import CASE, is_replicas
+
+RUNS, CLAIMS = "runs.csv", "claims.csv"
+
+
+def is_study(folder: Path) -> bool:
+    """Whether a folder holds a study, or folders of runs."""
+    return is_file(folder / RUNS) or is_file(folder / CLAIMS) or bool(runs_in(folder))
+
+
+def runs_in(folder: Path) -> dict[str, RunRecord]:
+    """The records of the runs in the folders of a folder, by their names."""
+    kinds = {RECORD: is_run, CASE: is_replicas}
+    return {
+        place.name: read_record(place, begun)
+        for place in sorted(folder.iterdir())
+        for begun, holds in kinds.items()
+        if holds(place)
+    }
+
+
+def study_sheets(folder: Path) -> Iterator[Sheet]:
+    """The claims and every quantity of every run; without rows where a file is absent."""
+    claims = _rows(folder / CLAIMS)
+    yield Sheet(
+        "Claims, weighed by the runs",
+        ("claim", "difference", "p-value", "verdict"),
+        [(_cell(row, "claim"), _difference(row), _p(row), _cell(row, "verdict")) for row in claims],
+    )
+    yield _quantities(_rows(folder / RUNS))
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(text(path).splitlines()))
+
+
+def _cell(row: Mapping[str, str], name: str) -> str:
+    return row.get(name) or "-"
+
+
+def _difference(row: Mapping[str, str]) -> str:
+    return _with_error(row.get("size"), row.get("standard_error"), row.get("unit"))
+
+
+def _p(row: Mapping[str, str]) -> str:
+    try:
+        return f"{float(row['p_value']):.2g}"
+    except (LookupError, TypeError, ValueError):
+        return "-"
+
+
+def _with_error(mean: str | None, error: str | None, unit: str | None) -> str:
+    try:
+        size = " ± ".join(rounded(float(mean or ""), float(error or "")))
+    except ValueError:
+        return "-"
+    return size if unit in (None, "", "1") else f"{size} {unit}"
+
+
+def _quantities(rows: Sequence[Mapping[str, str]]) -> Sheet:
+    """A row for each run and a column for each quantity."""
+    known = [row for row in rows if row.get("run") and row.get("quantity")]
+    names = list(dict.fromkeys(row["quantity"] for row in known))
+    cells = {
+        (row["run"], row["quantity"]): _with_error(
+            row.get("mean"), row.get("standard_error"), row.get("unit")
+        )
+        for row in known
+    }
+    return Sheet(
+        "Every quantity of every run",
+        ("run", *map(words, names)),
+        [
+            (run, *(cells.get((run, name), "-") for name in names))
+            for run in dict.fromkeys(row["run"] for row in known)
+        ],
+    )
