@@ -147,10 +147,19 @@ class TestARun:
         again = analyze(result.folder)
         assert again.quantities == result.quantities
 
-    def test_damaged_dumps_are_refused(self, result):
-        file = result.folder / "contacts.dump"
+    @pytest.mark.parametrize(
+        ("name", "old", "new"),
+        [
+            ("contacts.dump", b"TIMESTEP\n", b"TIMESTEP\n1"),
+            ("fields.dump", b"\n7 1 ", b"\n70007 1 "),
+            ("fields.dump", b" f_wall[4]", b""),
+        ],
+    )
+    def test_damaged_dumps_are_refused(self, result, name, old, new):
+        file = result.folder / name
         whole = file.read_bytes()
-        file.write_bytes(whole.replace(b"TIMESTEP\n", b"TIMESTEP\n1", 2))
+        assert old in whole
+        file.write_bytes(whole.replace(old, new))
         with pytest.raises(InputError, match="damaged"):
             analyze(result.folder)
         file.write_bytes(whole)

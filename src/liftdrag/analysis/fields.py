@@ -92,10 +92,11 @@ def moments(scene: TankScene, grid: Grid, snapshot: ForceSnapshot) -> np.ndarray
 
 
 def about_axis(scene: TankScene, position: np.ndarray) -> np.ndarray:
-    """Positions (n, 3) in m from the axis, along x between its images."""
+    """Positions (n, 3) in m from the axis, in the period of the tank about it."""
     length, axis = scene.tank.length, np.array([scene.axis_x, 0.0, scene.axis_height])
     centres = position - axis
     centres[:, 0] -= length * np.round(centres[:, 0] / length)
+    centres[:, 1] %= scene.tank.thickness
     return np.asarray(centres)
 
 

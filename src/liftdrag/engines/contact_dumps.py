@@ -13,6 +13,9 @@ from liftdrag.snapshot import ForceSnapshot
 
 GRAINS, CONTACTS = "fields.dump", "contacts.dump"
 
+_WIDTH = 11
+"""Columns of a grain: number, type, place, velocity and the force of the cylinder."""
+
 
 def force_snapshots(plan: Plan, folder: Path) -> Iterator[ForceSnapshot]:
     """Those of the drive stage, in order of time. Raises ValueError where a file is damaged."""
@@ -25,6 +28,8 @@ def force_snapshots(plan: Plan, folder: Path) -> Iterator[ForceSnapshot]:
 
 def _snapshot(time: float, grains: np.ndarray, contacts: np.ndarray) -> ForceSnapshot:
     """Of a pair the columns are the numbers of both grains, then vectors that add up to a force."""
+    if not len(grains) or grains.shape[1] != _WIDTH:
+        raise ValueError(f"{GRAINS} holds no rows of {_WIDTH} numbers")
     pair = _rows(grains[:, 0].astype(int), contacts[:, :2].astype(int))
     vectors = contacts[:, 2:].reshape(len(contacts), -1, 3)
     wall = grains[:, 8:11]
