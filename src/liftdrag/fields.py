@@ -53,6 +53,14 @@ def told(scene: TankScene, found: Answers, fields: Around | None) -> Answers:
     return replace(found, quantities=found.quantities | more, warnings=warnings)
 
 
+def recorded(found: Answers, fields: Around | None) -> dict[str, Any]:
+    """What `result.json` says of the snapshots beside their quantities."""
+    if fields is None:
+        return {}
+    apart = around.apart(fields, found.quantities)
+    return {"fields": {"snapshots": len(fields.forces), "errors_from_series": apart}}
+
+
 def write(folder: Path, scene: TankScene, found: Answers, fields: Around | None) -> Iterator[str]:
     """Write tables and pictures into the folder; gives the names of those to look at."""
     if fields is None:

@@ -146,7 +146,7 @@ def answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -
     series, found, last = _read(folder, scene_of(case), record)
     mapped = fields.read(folder, scene_of(case), record.plan, series, found)
     found = fields.told(scene_of(case), found, mapped)
-    result = result | _reported(found, record, series)
+    result = result | _reported(found, record, series) | fields.recorded(found, mapped)
     result["warnings"] += missed(scene_of(case).targets, found.quantities, "drive.distance")
     beds = engine_called(record.engine).snapshots(record.plan, folder)
     result = watched(result, tank_invariants(scene_of(case), series, beds))

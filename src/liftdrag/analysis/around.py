@@ -120,6 +120,18 @@ def _from_blocks(
     }
 
 
+def apart(found: Around, known: Mapping[str, Quantity]) -> dict[str, float | None]:
+    """By how many errors of their own the snapshots' means miss those of the whole series.
+
+    `known` has the drag and the lift of the series; None where the snapshots do not scatter.
+    """
+    pairs = zip(FORCES, found.snapshots.values(), strict=True)
+    return {
+        name: (one.mean - known[name].mean) / one.standard_error if one.standard_error else None
+        for name, one in pairs
+    }
+
+
 def warnings(found: Around, known: Mapping[str, Quantity]) -> Iterator[str]:
     """A sentence for each force that the snapshots miss by more than chance.
 
