@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -67,10 +68,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             _skip_without(name)
 
 
+_BESIDES: dict[str, Callable[[], object]] = {
+    "slurm": lambda: shutil.which("sbatch"),
+    "chromium": chromium.program,
+}
+"""Programs that are no engines, and what finds them."""
+
+
 def _skip_without(name: str) -> None:
-    if name == "chromium":
-        if chromium.program() is None:
-            pytest.skip("Chromium is not installed.")
+    if name in _BESIDES:
+        if not _BESIDES[name]():
+            pytest.skip(f"{name} is not installed")
         return
     try:
         engine(name).about()

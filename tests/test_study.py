@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import TINY
 from typer.testing import CliRunner
 
 from liftdrag.analysis.claims import difference
 from liftdrag.case import load
 from liftdrag.cli import app
-from liftdrag.errors import InputError
+from liftdrag.engines.mpi import mpiexec
+from liftdrag.errors import InputError, RunFailed
 from liftdrag.study import packaged, read, sweep
+from liftdrag.study.pool import Watch
+from liftdrag.study.state import states_of
+from liftdrag.study.swept import begin
 
 STUDY = """
 title = "Two shapes"
@@ -54,12 +62,36 @@ def study(tmp_path: Path) -> Path:
     return file
 
 
-def test_sweep_runs_once_and_weighs_the_claims(study: Path, tmp_path: Path):
-    """The claims are those of the tables that the runs wrote; the second time nothing runs."""
-    out = tmp_path / "out"
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the study, carried out once."""
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "two.study").write_text(STUDY)
+    sweep(str(folder / "two.study"), folder / "out")
+    return folder / "out"
+
+
+@pytest.fixture
+def out(finished: Path, tmp_path: Path) -> Path:
+    """A copy of that folder."""
+    return shutil.copytree(finished, tmp_path / "out")
+
+
+def run_in(out: Path, name: str) -> Path:
+    """The folder of the run of this name."""
+    (found,) = (out / "runs").glob(f"{name}-*")
+    return found
+
+
+def written(out: Path) -> dict[Path, int]:
+    """When each series was written."""
+    return {file: file.stat().st_mtime_ns for file in out.glob("runs/*/packing-*/series.csv")}
+
+
+def test_sweep_weighs_the_claims_by_the_tables_that_the_runs_wrote(study: Path, out: Path):
     found = sweep(str(study), out)
     drags = {
-        name: pd.read_csv(out / name / "packings.csv")["drag (N)"].to_numpy()
+        name: pd.read_csv(run_in(out, name) / "packings.csv")["drag (N)"].to_numpy()
         for name in ("round", "pairs")
     }
     assert found.findings[0][1] == difference(drags["pairs"], drags["round"], "N")
@@ -67,29 +99,55 @@ def test_sweep_runs_once_and_weighs_the_claims(study: Path, tmp_path: Path):
     claims = pd.read_csv(out / "claims.csv")
     assert list(claims["size"]) == pytest.approx([f.size for _, f in found.findings])
     assert (out / "both.png").read_bytes().startswith(b"\x89PNG")
-    written = {file: file.stat().st_mtime_ns for file in out.glob("*/packing-*/series.csv")}
-    again = sweep(str(study), out)
-    assert len(written) == 6
-    assert written == {f: f.stat().st_mtime_ns for f in out.glob("*/packing-*/series.csv")}
-    assert again.findings == found.findings
 
 
-def test_folder_of_another_run_is_refused_and_kept(study: Path, tmp_path: Path):
-    out = tmp_path / "out"
-    sweep(str(study), out)
-    before = (out / "round" / "result.json").read_text()
-    with pytest.raises(InputError, match="holds another run"):
-        sweep(str(study), out, ["ensemble.runs=2"])
-    assert (out / "round" / "result.json").read_text() == before
+def test_what_has_finished_is_not_run_again_whatever_its_name_and_place(study: Path, out: Path):
+    before = written(out)
+    lines = list[str]()
+    two, three = STUDY.index("[runs.round]"), STUDY.index("[runs.pairs]")
+    end = STUDY.index("[[claims]]")
+    swapped = STUDY[:two] + STUDY[three:end] + STUDY[two:three] + STUDY[end:]
+    study.write_text(swapped.replace("pairs", "twins"))
+    found = sweep(str(study), out, watch=Watch(say=lines.append))
+    assert len(before) == 6
+    assert written(out) == before
+    assert lines == []
+    assert found.results["twins"].folder == run_in(out, "pairs")
 
 
-def test_run_that_did_not_finish_is_named(study: Path, tmp_path: Path):
-    out = tmp_path / "out"
-    sweep(str(study), out)
-    result = out / "pairs" / "result.json"
-    result.write_text(json.dumps(json.loads(result.read_text()) | {"status": "killed"}))
-    with pytest.raises(InputError, match="did not finish"):
-        sweep(str(study), out)
+def test_another_setting_is_another_run(study: Path, out: Path):
+    same, other = (begin(str(study), out, given, None) for given in ([], ["ensemble.runs=2"]))
+    states = [states_of(one.tasks.values(), out).values() for one in (same, other)]
+    assert [[one.status for one in group] for group in states] == [
+        ["finished", "finished"],
+        ["missing", "missing"],
+    ]
+
+
+def test_run_that_was_cut_short_goes_on_where_it_was(study: Path, out: Path):
+    """Of the packings only that which had not ended is run, and the answer is the same."""
+    before, folder = written(out), run_in(out, "pairs")
+    drag = json.loads((folder / "result.json").read_text())["quantities"]["drag"]["mean"]
+    (folder / "result.json").unlink()
+    (folder / "packing-002" / "outcome.json").unlink()
+    found = sweep(str(study), out)
+    changed = [file.parent.name for file, at in written(out).items() if at != before[file]]
+    assert changed == ["packing-002"]
+    assert found.results["pairs"].quantities["drag"].mean == drag
+
+
+def test_run_that_failed_is_named_and_the_others_are_there(study: Path, out: Path):
+    """Not even a file where the folder of a run should be stops the other run."""
+    folder = run_in(out, "pairs")
+    shutil.rmtree(folder)
+    folder.write_text("")
+    found = sweep(str(study), out)
+    with pytest.raises(RunFailed, match=r"1 of 2 .*\npairs: NotADirectoryError"):
+        found.check()
+    assert found.results["round"].status == "finished"
+    assert found.findings == []
+    rows = pd.read_csv(out / "points.csv").set_index("point")
+    assert rows.loc["pairs", "status"] == "failed"
 
 
 @pytest.mark.parametrize(
@@ -140,15 +198,35 @@ def test_packaged_studies_name_cases_that_load():
                 assert case.scene.scene == "janssen"
 
 
-def test_command_line_prints_runs_and_claims(study: Path, tmp_path: Path):
-    shown = CliRunner().invoke(app, ["sweep", str(study), "--out", str(tmp_path / "out")])
+def test_command_line_prints_points_and_claims(study: Path, out: Path):
+    shown = CliRunner().invoke(app, ["sweep", str(study), "--out", str(out)])
     assert shown.exit_code == 0
     assert "dumbbells drag more" in shown.output
     assert np.all([name in shown.output for name in ("round", "pairs", "claims.csv")])
 
 
-def test_study_under_a_launcher_is_refused(study: Path, monkeypatch: pytest.MonkeyPatch):
+def test_ranks_of_an_mpi_job_share_the_runs(tmp_path: Path):
+    """One rank hands out, another runs; of the runs none takes itself for a rank of the job."""
+    (tmp_path / "tiny.toml").write_text(TINY)
+    file = tmp_path / "tanks.study"
+    file.write_text(
+        f'title = "Tanks"\n[runs.tank]\ncase = "{tmp_path / "tiny.toml"}"\n'
+        '[grid]\n"drive.speed" = ["0.3 m/s", "0.4 m/s"]\n'
+    )
+    words = [str(mpiexec()), "-n", "2", sys.executable, "-m", "liftdrag", "sweep", str(file)]
+    done = subprocess.run([*words, "--out", str(tmp_path / "out")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("In ") == 1
+    assert sorted(line[-8:] for line in done.stderr.splitlines()) == ["(1 of 2)", "(2 of 2)"]
+    ranks = {
+        json.loads(file.read_text())["engine"]["ranks"]
+        for file in tmp_path.glob("out/runs/*/result.json")
+    }
+    assert ranks == {1}
+
+
+def test_jobs_under_a_launcher_are_refused(study: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setenv("PMI_RANK", "0")
-    with pytest.raises(InputError, match="without mpiexec"):
-        sweep(str(study))
+    with pytest.raises(InputError, match="leave out --jobs"):
+        sweep(str(study), jobs=2)

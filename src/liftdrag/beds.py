@@ -3,7 +3,7 @@
 A file a bed. Its name is a digest of all that the bed depends on: how it is packed and, once it
 is settled, its contacts, its weight and how it came to rest. The time step, the drive, the ranks
 and the engine do not count. A file that is not what it was when it was written is left out, with a
-warning, and replaced. LIFTDRAG_BEDS=off keeps and finds nothing.
+warning, and replaced. LIFTDRAG_BEDS=off keeps and finds nothing; with a folder they are there.
 
 A bed that was packed before gives the run that it would have given when packed anew, to the bit.
 A bed that was settled before keeps its grains where they were, but not the tangential springs
@@ -62,7 +62,7 @@ def find(scene: TankScene) -> Found:
 
     Raises InputError when its grains do not fit.
     """
-    key, warnings = _key(_settling(scene)), list[str]()
+    key, warnings = key_of(scene), list[str]()
     for name, settled in ((key, True), (_key(_packing(scene)), False)):
         try:
             if (grains := _read(name)) is not None:
@@ -82,6 +82,11 @@ def kept(scene: TankScene) -> str:
             if (_folder() / f"{_key(question)}.bed").exists():
                 return state
     return "nothing"
+
+
+def key_of(scene: TankScene) -> str:
+    """What tells a scene's settled bed from others."""
+    return _key(_settling(scene))
 
 
 def keep(found: Found, scene: TankScene, folder: Path) -> None:
@@ -127,8 +132,11 @@ def _key(question: dict[str, Any]) -> str:
 
 def _folder() -> Path:
     """Where the beds are. Raises OSError when they are not wanted."""
-    if os.environ.get("LIFTDRAG_BEDS") == "off":
+    asked = os.environ.get("LIFTDRAG_BEDS")
+    if asked == "off":
         raise OSError("beds are not kept")
+    if asked:
+        return Path(asked)
     cache = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
     return Path(cache) / "liftdrag" / "beds"
 

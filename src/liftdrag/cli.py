@@ -234,6 +234,7 @@ def run(
 
 @app.command()
 def sweep(
+    context: typer.Context,
     study: Annotated[
         str, typer.Argument(metavar="STUDY", help="A study file, or a packaged study: zhou/tables.")
     ],
@@ -241,19 +242,47 @@ def sweep(
         Path | None, typer.Option(help="Folder of the study; by default runs/STUDY.")
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(help="Packings to run at a time, by default one a core.")
+        int | None,
+        typer.Option(help="Runs at a time, in processes of their own; by default one a core."),
+    ] = None,
+    ranks: Annotated[
+        int | None, typer.Option(help="Ranks of each run, or its packings at a time.")
+    ] = None,
+    scale: Annotated[
+        str | None, typer.Option(help="One of the study's scales, by default the first.")
     ] = None,
     settings: Settings = None,
+    slurm: Annotated[
+        bool, typer.Option("--slurm", help="Submit what is missing to SLURM, and end.")
+    ] = False,
+    status: Annotated[
+        bool, typer.Option("--status", help="Show how far the runs are, and start none.")
+    ] = False,
 ) -> None:
-    """Run the cases of a study that have not finished yet, and weigh its claims."""
-    from liftdrag.progress import reported
-    from liftdrag.study import sweep as run_study
-    from liftdrag.terminal import claim_table, run_table
+    """Run what has not finished yet of a study, and weigh its claims."""
+    from liftdrag import study as studies
+    from liftdrag.sweeping import watched
+    from liftdrag.terminal import claim_table, growth_lines, run_table, state_table
 
-    with reported() as progress:
-        found = run_study(study, out, settings, jobs, progress)
-    _print_tables(run_table(found), claim_table(found))
-    print(f"In {found.folder}: runs.csv, claims.csv and the pictures, and a folder for each run")
+    if slurm or status:
+        why = "is for runs on this machine; leave it out with --slurm and --status"
+        _refuse_options(context, {"study", "out", "scale", "settings", "slurm", "status"}, why)
+    if status:
+        found = studies.status(study, out, settings, scale)
+    elif slurm:
+        found, submitted = studies.on_slurm(study, out, settings, scale)
+        for number in submitted:
+            print(f"Submitted batch job {number}")
+    else:
+        with watched() as watch:
+            found = studies.sweep(study, out, settings, jobs, ranks, scale, watch)
+    shown = [state_table(found)] if slurm or status else []
+    _print_tables(*shown, run_table(found), *([claim_table(found)] if found.findings else []))
+    for line in growth_lines(found):
+        print(line)
+    print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
+    if not slurm and not status:
+        found.check()
 
 
 @app.command()

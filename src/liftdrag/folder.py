@@ -98,10 +98,16 @@ def fresh(out: str | Path | None, name: str, parent: str = "runs") -> Path:
 
 def check_free(out: str | Path | None) -> None:
     """Raise InputError when `out`, or runs/, cannot be used, before anything is done for it."""
-    folder = Path(out or "runs").absolute()
-    with _refused(folder):
-        if out is not None:
+    if out is not None:
+        with _refused(out):
             _check_empty(Path(out))
+    check_place(Path(out or "runs"))
+
+
+def check_place(folder: Path) -> None:
+    """Raise InputError when nothing can be written to a folder, or to where it would be."""
+    folder = folder.absolute()
+    with _refused(folder):
         there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
         if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
             raise OSError(0, f"Nothing can be written to {there}")

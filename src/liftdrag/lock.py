@@ -52,6 +52,18 @@ def check_unlocked(folder: Path) -> None:
             _take(file, folder)
 
 
+def is_held(folder: Path) -> bool:
+    """Whether a process holds the folder, found without taking it from anyone."""
+    try:
+        with (folder / LOCK).open(encoding="utf-8") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
 def descriptors() -> tuple[int, ...]:
     """The open locks, for an engine to keep."""
     return tuple(_held)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from liftdrag.analysis.meanings import MEANINGS
 from liftdrag.analysis.quantity import Quantity, rounded
+from liftdrag.study.state import STATUSES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from liftdrag.stress import Stressed
     from liftdrag.study import Studied
     from liftdrag.verify import Verified
+
+MOST_TOLD = 20
+"""Runs whose reasons are shown."""
 
 NARROW = 110
 """Width of a terminal in characters below which the meanings are left out."""
@@ -108,25 +112,50 @@ def _shift(found: Deviation) -> str:
     return f"{100.0 * found.relative:+.1f} ± {100.0 * found.standard_error:.1f} %"
 
 
+def state_table(found: Studied) -> Table:
+    """How many runs of a study have come how far, and those that nobody is at by name."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    runs = {
+        task.digest: (task, state) for one in found.results.values() for task, state in one.runs
+    }
+    result = Table(title="runs")
+    for heading in ("status", "runs", "of these"):
+        result.add_column(heading, overflow="fold")
+    for status in STATUSES:
+        group = [(task, state) for task, state in runs.values() if state.status == status]
+        told = [f"{task.name}: {state.reason}" for task, state in group if state.reason]
+        result.add_row(status, str(len(group)), escape("\n".join(told[:MOST_TOLD])))
+    return result
+
+
 def run_table(found: Studied) -> Table:
     """The runs of a study, and of each the quantities that tell most."""
     from rich.markup import escape
     from rich.table import Table
 
     result = Table(title=escape(found.plan.title))
-    result.add_column("run")
+    result.add_column("point")
     known = {name for one in found.results.values() for name in one.quantities}
     studied = [name for name in _STUDIED if name in known]
     for name in studied:
         result.add_column(name, overflow="fold")
+    finished = all(one.status == "finished" for one in found.results.values())
+    if not finished:
+        result.add_column("status")
     for name, one in found.results.items():
         cells = (one.quantities.get(quantity) for quantity in studied)
-        result.add_row(name, *("-" if cell is None else _with_error(cell) for cell in cells))
+        shown = ("-" if cell is None else _with_error(cell) for cell in cells)
+        result.add_row(name, *shown, *([] if finished else [one.status]))
     return result
 
 
 _STUDIED = (
     "drag",
+    "lift",
+    "drag_coefficient",
+    "lift_coefficient",
     "drag_deviation",
     "drag_fluctuation",
     "rest_pressure",
@@ -144,6 +173,21 @@ _STUDIED = (
 def _with_error(quantity: Quantity) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     return " ± ".join(rounded(quantity.mean, quantity.standard_error)) + unit
+
+
+def growth_lines(found: Studied) -> Iterator[str]:
+    """Where each growing quantity of a study saturates, a line for each."""
+    for growth, at in found.growths:
+        over = f" / {growth.over}" if growth.over else ""
+        if not at.saturates:
+            yield f"{growth.says}: {growth.quantity} has no plateau over these points."
+            continue
+        plateau = " ± ".join(rounded(at.plateau, at.plateau_error))
+        depth = " ± ".join(rounded(at.depth, at.depth_error))
+        yield (
+            f"{growth.says}: {growth.quantity} saturates at {plateau}, and has 90 % of it at "
+            f"{growth.against}{over} = {depth} (chi-square {at.chi_square:.1f} of {at.freedom})."
+        )
 
 
 def claim_table(found: Studied) -> Table:

@@ -1,0 +1,279 @@
+"""The points of a study: which cases, called what, how often; and what their runs say together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from math import exp, log, sqrt
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import TINY
+
+from liftdrag.analysis.quantity import Quantity
+from liftdrag.errors import InputError
+from liftdrag.pictures.study import Line
+from liftdrag.study import read
+from liftdrag.study.carried import answer
+from liftdrag.study.drawn import draw
+from liftdrag.study.findings import growths
+from liftdrag.study.points import Point, points_of
+from liftdrag.study.state import State
+from liftdrag.study.tables import _write, write_tables
+from liftdrag.study.tasks import Task, distinct, tasks_of
+
+STUDY = """
+title = "Depth"
+replicas = 2
+[set]
+"drive.speed" = "0.1 m/s"
+[grid]
+"intruder.depth" = ["3 D", "4 D"]
+[runs.plain]
+case = "{case}"
+[runs.rough]
+case = "{case}"
+set = {{ "grains.friction" = 0.9, "drive.distance" = "8 D" }}
+grid = {{ "intruder.diameter" = ["1.5 d", "1.75 d", "2 d"] }}
+replicas = 1
+[scales.small]
+set = {{ "drive.distance" = "5 D" }}
+[scales.large]
+set = {{ "drive.distance" = "20 D" }}
+grid = {{ "intruder.depth" = ["2 D", "3 D", "4 D"] }}
+replicas = 3
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    (tmp_path / "tiny.toml").write_text(TINY)
+    file = tmp_path / "depth.study"
+    file.write_text(STUDY.format(case=tmp_path / "tiny.toml"))
+    return file
+
+
+def points(study: Path, scale: str | None = None, *settings: str) -> dict[str, Point]:
+    return points_of(read(str(study)), scale, settings)
+
+
+def test_points_are_all_combinations(study: Path):
+    """By a naive loop; a run's own keys go before those of all, a scale's before both."""
+    found = points(study)
+    expected = {("plain", depth * 1.5, 1.5) for depth in (3, 4)}
+    expected |= {("rough", depth * big, big) for depth, big in product((3, 4), (1.5, 1.75, 2))}
+    d = 1.5e-3
+    given = {
+        (one.run, *(round(one.number(f"intruder.{key}") / d, 6) for key in ("depth", "diameter")))
+        for one in found.values()
+    }
+    assert given == expected
+    assert all(
+        one.number("drive.distance") == pytest.approx(5 * one.number("intruder.diameter"))
+        for one in found.values()
+    )
+    assert list(found)[:2] == ["plain-depth=3D", "plain-depth=4D"]
+    assert "rough-depth=4D-diameter=1.75d" in found
+    assert {one.number("grains.friction") for one in found.values()} == {0.5, 0.9}
+    assert [[case.tables["seed"] for case in one.cases] for one in found.values()] == [
+        *[[1, 2]] * 2,
+        *[[1]] * 6,
+    ]
+
+
+def test_scale_is_chosen_by_name(study: Path):
+    found = points(study, "large")
+    assert len(found) == 3 + 9
+    assert all(len(one.cases) == 3 for one in found.values())
+    assert found["plain-depth=2D"].number("drive.distance") == pytest.approx(20 * 1.5 * 1.5e-3)
+    with pytest.raises(InputError, match="choose one of small, large"):
+        points(study, "huge")
+
+
+def test_lists_together_are_gone_through_side_by_side(study: Path):
+    """A scale may give those of one of its runs, in place of the run's own."""
+    study.write_text(
+        study.read_text()
+        + """
+[runs.deep]
+case = "{case}"
+grid = {{ "intruder.depth" = ["3 D"] }}
+[runs.deep.together]
+"tank.height" = ["20 d", "24 d", "28 d"]
+"drive.speed" = ["0.1 m/s", "0.2 m/s", "0.3 m/s"]
+[scales.large.runs.deep.together]
+"tank.height" = ["30 d"]
+"drive.speed" = ["0.4 m/s"]
+""".format(case=study.parent / "tiny.toml")
+    )
+    small, large = points(study), points(study, "large")
+    deep = {name: one for name, one in small.items() if one.run == "deep"}
+    assert list(deep) == [f"deep-depth=3D-height={height}d" for height in (20, 24, 28)]
+    assert [one.number("drive.speed") for one in deep.values()] == [0.1, 0.2, 0.3]
+    assert [one.number("tank.height") for one in deep.values()] == pytest.approx(
+        [0.03, 0.036, 0.042]
+    )
+    assert {one.number("drive.speed") for one in large.values() if one.run == "deep"} == {0.4}
+    assert len([one for one in large.values() if one.run == "deep"]) == 3
+
+
+def test_more_runs_than_can_be_are_refused_before_they_are_made(study: Path):
+    study.write_text(study.read_text().replace("replicas = 2", "replicas = 5000", 1))
+    with pytest.raises(InputError, match="10006 runs, more than 10000"):
+        points(study)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('["3 D", "4 D"]', "[]", "grid"),
+        ('["3 D", "4 D"]', '["3 D", "3  D"]', "called plain-depth=3D"),
+        ('["3 D", "4 D"]', '["3 D", "-4 D"]', "intruder.depth"),
+        ("replicas = 2", "replicas = 0", "replicas"),
+        ("[runs.plain]", "[runs.'a b']", "runs"),
+        ('title = "Depth"', 'title = "D"\nslurm = {nodes = 1}', "slurm.nodes"),
+        ("replicas = 2", 'together = { "tank.height" = [1], "seed" = [1, 2] }', "equally long"),
+        ("replicas = 2", 'together = { "intruder.depth" = [1] }', "keep one"),
+        ("[scales.small]", "[scales.small.runs.none]", "no such run"),
+    ],
+)
+def test_bad_grid_is_refused(study: Path, old: str, new: str, says: str):
+    study.write_text(study.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=says):
+        points(study)
+
+
+def test_setting_of_what_is_varied_is_refused(study: Path):
+    with pytest.raises(InputError, match=r"varies 'intruder.depth'"):
+        points(study, None, "intruder.depth=2 D")
+
+
+def test_claim_of_a_run_of_many_points_is_refused(study: Path):
+    claim = '[[claims]]\nsays = "more"\nlarger = "plain"\nsmaller = "rough"\n'
+    study.write_text(study.read_text() + claim)
+    with pytest.raises(InputError, match="2 points; name one of them, such as plain-depth=3D"):
+        points(study)
+
+
+def test_digest_is_of_the_case_and_the_engine_alone(study: Path):
+    one = next(iter(distinct(points(study).values()).values()))
+    assert Task("other", one.case, one.engine).digest == one.digest
+    assert Task(one.name, one.case, "lmp").digest != one.digest
+    assert Task(one.name, one.case.set("seed", 9), one.engine).digest != one.digest
+    assert len(distinct(points(study).values())) == 2 * 2 + 6
+
+
+def drag(mean: float, error: float) -> State:
+    found = Quantity(mean, error, "N", 1.0, 10.0, True)
+    record = {"cpu_s": 2.0, "warnings": ["one"]}
+    return State("finished", "", Path("runs/x"), {"drag": found}, record)
+
+
+@pytest.mark.parametrize(("errors", "expected"), [(0.01, "scatter"), (10.0, "series")])
+def test_error_of_a_point_is_the_larger_of_scatter_and_series(
+    study: Path, errors: float, expected: str
+):
+    """By hand: deviation over the root of the count, or the root of the sum of squares over it."""
+    point = points(study, "large")["plain-depth=3D"]
+    means = [1.0, 1.5, 2.3]
+    tasks = tasks_of(point)
+    states = {task.digest: drag(mean, errors) for task, mean in zip(tasks, means, strict=True)}
+    found = answer(point, states).quantities["drag"]
+    by = {
+        "scatter": np.std(means, ddof=1) / sqrt(3),
+        "series": sqrt(3 * errors**2) / 3,
+    }
+    assert found.mean == pytest.approx(1.6)
+    assert found.standard_error == pytest.approx(by[expected])
+    states[tasks[1].digest] = State("interrupted", "it was killed")
+    assert answer(point, states).status == "interrupted"
+    assert answer(point, states).quantities == {}
+
+
+def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path, tmp_path: Path):
+    picture = (
+        '[[pictures]]\nfile = "drag.png"\ntitle = "Drag"\nagainst = "intruder.depth"\n'
+        'over = "intruder.diameter"\nlogarithmic = ["x"]\n'
+        'reference = [{ value = 2.0, label = "paper" }]\n'
+    )
+    study.write_text(study.read_text() + picture)
+    plan, found = read(str(study)), points(study)
+    states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
+    gone = tasks_of(found["plain-depth=4D"])[0]
+    states[gone.digest] = State("failed", "lost_grains: 3")
+    results = {name: answer(point, states) for name, point in found.items()}
+    write_tables(tmp_path, plan, results, [])
+    rows = pd.read_csv(tmp_path / "points.csv").set_index("point")
+    assert len(rows) == 8
+    assert rows.loc["plain-depth=3D", "intruder.depth"] == pytest.approx(3 * 1.5 * 1.5e-3)
+    assert rows.loc["plain-depth=3D", "thickness/d"] == pytest.approx(3.0)
+    assert rows.loc["plain-depth=3D", "length/D"] == pytest.approx(16 / 1.5)
+    assert rows.loc["plain-depth=3D", "U0 (m/s)"] == 0.1
+    assert rows.loc["plain-depth=4D", "reason"] == "lost_grains: 3"
+    assert np.isnan(rows.loc["plain-depth=4D", "mean"])
+    same = pd.read_parquet(tmp_path / "points.parquet")
+    assert list(same.columns) == ["point", *rows.columns]
+    np.testing.assert_array_equal(same["mean"], rows["mean"])
+    runs = pd.read_csv(tmp_path / "runs.csv")
+    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", "finished"]
+    assert list(rows.columns[5:8]) == ["grains.friction", "drive.distance", "intruder.depth"]
+    draw(tmp_path, plan, results)
+    assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_picture_against_a_quantity_has_a_line_for_each_run(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """What varies together makes no lines of its own, what is in the grid does."""
+    study.write_text(
+        study.read_text().replace("grid = { ", "together = { ")
+        + '[[pictures]]\nfile = "one.png"\ntitle = "One"\nagainst = "effective_depth"\n'
+        'over = "intruder.diameter"\n'
+    )
+    drawn = list[list[Line]]()
+    monkeypatch.setattr(
+        "liftdrag.study.drawn.draw_lines", lambda _title, lines, *_rest: drawn.append(lines)
+    )
+    plan, found = read(str(study)), points(study)
+    one = drag(1.0, 0.1)
+    deep = one.quantities | {"effective_depth": Quantity(0.009, 1e-4, "m", 1.0, 9.0, True)}
+    states = {digest: replace(one, quantities=deep) for digest in distinct(found.values())}
+    draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
+    ((plain_3, plain_4, rough_3, rough_4),) = drawn
+    assert [line.label for line in (plain_3, rough_4)] == [
+        "plain, intruder.depth = 3 D",
+        "rough, intruder.depth = 4 D",
+    ]
+    assert (len(plain_4.places), len(rough_3.places)) == (1, 3)
+    assert rough_3.places == pytest.approx([0.009 / (k * 1.5e-3) for k in (1.5, 1.75, 2.0)])
+
+
+def test_growth_of_a_run_is_fitted_and_written(study: Path, tmp_path: Path):
+    """Points on 30 (1 - exp(-x/5)), x = h~/D: the plateau and 5 ln 10 come back."""
+    study.write_text(
+        study.read_text() + '[[saturations]]\nsays = "the lift"\nrun = "rough"\nquantity = "drag"\n'
+    )
+    plan, found = read(str(study)), points(study)
+    states = dict[str, State]()
+    for k, point in enumerate(found.values()):
+        place = 2.0 + k
+        depth = Quantity(place * point.number("intruder.diameter"), 1e-4, "m", 1.0, 9.0, True)
+        one = drag(30.0 * (1.0 - exp(-place / 5.0)), 0.1)
+        both = one.quantities | {"effective_depth": depth}
+        states |= {task.digest: replace(one, quantities=both) for task in tasks_of(point)}
+    results = {name: answer(point, states) for name, point in found.items()}
+    grown = list(growths(plan, results))
+    write_tables(tmp_path, plan, results, [], grown)
+    row = pd.read_csv(tmp_path / "saturations.csv").iloc[0]
+    assert row.plateau == pytest.approx(30.0, rel=1e-4)
+    assert row.depth == pytest.approx(5.0 * log(10.0), rel=1e-4)
+    assert row.saturates
+
+
+def test_table_of_words_and_numbers_goes_to_parquet_as_words(tmp_path: Path):
+    _write(pd.DataFrame({"key": ["soft", 1.5, None], "mean": [1.0, 2.0, 3.0]}), tmp_path / "t")
+    found = pd.read_parquet(tmp_path / "t.parquet")
+    assert list(found["key"][:2]) == ["soft", "1.5"]
+    assert pd.isna(found["key"][2])

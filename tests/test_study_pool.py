@@ -1,0 +1,176 @@
+"""Runs of a study in processes of their own: claimed by one, ended together, gone on with."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from conftest import TINY, program
+
+from liftdrag.lock import held, is_held
+from liftdrag.study.child import _leave_jobs, carry_out
+from liftdrag.study.pool import SAYS, Pool, View, Watch, ended
+from liftdrag.study.state import END, state_of
+from liftdrag.study.swept import begin
+from liftdrag.study.tasks import (
+    FAILED,
+    FINISHED,
+    IN_USE,
+    PROGRESS,
+    Task,
+    claim,
+    folder_of,
+    request,
+)
+from liftdrag.sweeping import table
+
+STUDY = """
+title = "Speeds"
+[set]
+"drive.distance" = "{distance} D"
+[runs.tank]
+case = "{case}"
+grid = {{ "drive.speed" = ["0.2 m/s", "0.3 m/s"] }}
+"""
+
+
+def study_in(folder: Path, distance: float) -> tuple[Path, list[Task]]:
+    """A study of two tanks, and its tasks."""
+    (folder / "tiny.toml").write_text(TINY)
+    file = folder / "speeds.study"
+    file.write_text(STUDY.format(case=folder / "tiny.toml", distance=distance))
+    begun = begin(str(file), folder / "out", None, None)
+    return file, list(begun.tasks.values())
+
+
+def state(task: Task, study: Path) -> str:
+    return state_of(task, study, folder_of(task, study)).status
+
+
+def wait_for(file: Path) -> None:
+    until = time.monotonic() + 120.0
+    while not file.exists():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_task_is_carried_out_by_one_and_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("liftdrag.lock.PATIENCE_S", 0.0)
+    _, (task, _) = study_in(tmp_path, 5)
+    out = tmp_path / "out"
+    place = request(task, out)
+    assert state(task, out) == "missing"
+    with held(place):
+        assert carry_out(out, task.digest, None) == IN_USE
+        assert state(task, out) == "running"
+    assert carry_out(out, task.digest, None) == FINISHED
+    result = folder_of(task, out) / "result.json"
+    at = result.stat().st_mtime_ns
+    assert carry_out(out, task.digest, None) == FINISHED
+    assert result.stat().st_mtime_ns == at
+    said = json.loads((place / PROGRESS).read_text())
+    assert said["stage"] == "drive"
+
+
+def test_pool_waits_for_what_another_process_is_at(tmp_path: Path):
+    """The holder lets go without having done it, and the task is done here."""
+    _, (task, _) = study_in(tmp_path, 5)
+    out, lines = tmp_path / "out", list[str]()
+    views, own = list[View](), ExitStack()
+    own.enter_context(held(request(task, out)))
+
+    def say(words: str) -> None:
+        lines.append(words)
+        if "another" in words:
+            own.close()
+
+    done = Pool(out, 1, None, Watch(views.append, say)).carry_out([task])
+    assert done[task.digest].finished
+    assert [line.partition(": ")[2] for line in lines] == [
+        "another liftdrag is at it; waiting",
+        "started",
+        "finished (1 of 1)",
+    ]
+    assert (views[-1].ended, views[-1].total) == (1, 1)
+
+
+def test_failure_is_written_down_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    _, (task, _) = study_in(tmp_path, 5)
+    broken = Task(task.name, task.case, "lmp")
+    out = tmp_path / "out"
+    lmp = program(tmp_path / "lmp", "Large-scale Atomic/Molecular Massively Parallel Simulator")
+    monkeypatch.setenv("LIFTDRAG_LMP", str(lmp))
+    request(broken, out)
+    assert carry_out(out, broken.digest, None) == FAILED
+    assert state(broken, out) == "failed"
+    reason = json.loads((claim(out, broken.digest) / END).read_text())["reason"]
+    assert str(lmp) in reason
+    assert "\n" not in reason
+
+
+def test_run_is_no_part_of_the_job_that_it_is_started_in(monkeypatch: pytest.MonkeyPatch):
+    """Launchers would otherwise start the ranks by srun, out of sight of their lock."""
+    for name in ("SLURM_JOB_ID", "SLURM_PROCID", "PMI_RANK", "OMPI_COMM_WORLD_SIZE"):
+        monkeypatch.setenv(name, "3")
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    before = {name for name in os.environ if not name.startswith(("SLURM_", "PMI_", "OMPI_"))}
+    _leave_jobs()
+    assert set(os.environ) == before
+    assert os.environ["OMP_NUM_THREADS"] == "1"
+
+
+def test_process_that_dies_without_a_word_is_a_failure_with_its_last_line(tmp_path: Path):
+    _, (task, _) = study_in(tmp_path, 5)
+    (request(task, tmp_path) / SAYS).write_text("one\nout of memory\n\n")
+    found = ended(task, tmp_path, -9)
+    assert (found.status, found.reason) == (
+        "failed",
+        "its process ended with status -9. out of memory",
+    )
+
+
+def test_request_that_was_changed_is_written_again(tmp_path: Path):
+    _, (task, _) = study_in(tmp_path, 5)
+    file = request(task, tmp_path) / "task.json"
+    whole = file.read_text()
+    file.write_text(whole.replace('"seed": 1', '"seed": 2'))
+    request(task, tmp_path)
+    assert file.read_text() == whole
+
+
+def test_interrupted_study_leaves_no_process(tmp_path: Path):
+    """Two long runs are cut short; the engines, which keep the locks while they live, are gone."""
+    file, tasks = study_in(tmp_path, 400)
+    out = tmp_path / "out"
+    words = [sys.executable, "-m", "liftdrag", "sweep", str(file), "--out", str(out), "--jobs", "2"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as sweep:
+        for task in tasks:
+            wait_for(folder_of(task, out) / "log.lammps")
+        assert [state(task, out) for task in tasks] == ["running", "running"]
+        sweep.send_signal(signal.SIGINT)
+        said = sweep.communicate(timeout=60)[0].decode()
+    assert sweep.returncode == 1
+    assert said.endswith("Interrupted.\n")
+    assert not any(is_held(claim(out, task.digest)) for task in tasks)
+    assert [state(task, out) for task in tasks] == ["interrupted", "interrupted"]
+
+
+def test_live_table_has_a_row_for_each_run_that_goes_on(tmp_path: Path):
+    from rich.console import Console
+
+    from liftdrag.study.pool import Row
+
+    with (tmp_path / "said").open("w") as file:
+        shown = table(View([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7))
+        Console(file=file, width=80).print(shown)
+    said = (tmp_path / "said").read_text()
+    assert "25 %" in said
+    assert "90 s" in said
+    assert "3 of 7 have ended" in said
