@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from liftdrag.analysis.around import around, quantities
 from liftdrag.analysis.fields import about_axis
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.case import Case
+from liftdrag.cost.disk import needed
 from liftdrag.deck import Plan
 from liftdrag.engines import engine, process
 from liftdrag.engines.base import Engine, silent
@@ -136,6 +138,13 @@ class TestARun:
         stored = np.load(result.folder / "fields.npz")
         assert stored["stress"].shape == (len(stored["x"]), len(stored["z"]), 3, 3)
         assert (stored["pressure_error"] >= 0.0).all()
+
+    def test_takes_the_disk_that_it_said(self, result):
+        numerics = prepare(CASE)[0]
+        without = replace(numerics, fields_every=None)
+        said = needed(CASE.scene, numerics) - needed(CASE.scene, without)
+        dumps = [result.folder / name for name in ("fields.dump", "contacts.dump")]
+        assert 0.5 * said < sum(dump.stat().st_size for dump in dumps) < said
 
     def test_leaves_image_data_for_paraview(self, result):
         pyvista = pytest.importorskip("pyvista")

@@ -23,7 +23,7 @@ TRAJECTORY = 120.0
 RESTARTS = 1000.0
 """Bytes of a grain in three restart files: 270 in each of a small bed."""
 
-FIELDS = 270.0
+FIELDS = 320.0
 """Bytes of a grain, its two contacts and its wall force in a snapshot for the fields."""
 
 HEIGHT = 12.0
