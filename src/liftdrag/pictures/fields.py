@@ -72,10 +72,12 @@ def draw_asymmetry(
 ) -> None:
     """What is odd about the plane through the axis: pressure, flow, and stress on the cylinder.
 
-    Stresses are over rho g D of a `bulk` of that density (kg/m^3).
+    Stresses are over rho g D of a `bulk` of that density (kg/m^3). The paper's eq. 4 has the stress
+    without gravity; here the symmetric part of the same run stands in for it.
     """
     mean, gradient = fields.blocks.mean, bulk * GRAVITY * scene.intruder.diameter
-    figure, panels = _panels(scene, fields.grid, 2, 2)
+    below = min(REACH, scene.axis_height / scene.intruder.diameter)
+    figure, panels = _panels(scene, fields.grid, 2, 2, 2.0 * below)
     flow = _seen(scene, fields, velocity(mean))
     even, odd = split(fields.grid, _seen(scene, fields, pressure(mean)))
     odd += bulk * scene.bulk_gravity * fields.grid.z
@@ -107,7 +109,6 @@ def _draw_odd_stress(
     expected = weighted_stress(scene, (normal + mirrored(normal)) / 2.0, confining, bulk)
     _band(axes, stress, error, "tab:blue", "measured")
     axes.plot(np.degrees(ANGLES), expected / gradient, color="0.3", dashes=(2, 2), label="by eq. 4")
-    axes.set_box_aspect(0.75)
     axes.set_title("antisymmetric normal stress / rho g D", loc="left", fontsize="medium")
     _angles(axes)
 
@@ -143,11 +144,14 @@ def _angles(axes: Axes) -> None:
     axes.legend(frameon=False)
 
 
-def _panels(scene: TankScene, grid: Grid, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
+def _panels(
+    scene: TankScene, grid: Grid, rows: int, columns: int, height: float | None = None
+) -> tuple[Figure, list[Axes]]:
+    """Axes for fields of this height over D, that of the grid where none is given."""
     from matplotlib.figure import Figure
 
     across, up = (np.ptp(part) for part in _shown_axes(scene, grid))
-    size = (5.5 * columns, rows * (4.6 * up / across + 1.0))
+    size = (5.5 * columns, rows * (4.6 * (height or up) / across + 1.0))
     figure = Figure(figsize=size, layout="constrained")
     return figure, list(np.ravel(figure.subplots(rows, columns)))
 
