@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+NODE = platform.node().partition(".")[0]
+
 CONF = """
 ClusterName=tiny
 SlurmctldHost={node}(127.0.0.1)
@@ -54,7 +56,7 @@ def cluster(folder: Path) -> Iterator[Path]:
     control_port, node_port = free_ports()
     conf.write_text(
         CONF.format(
-            node=platform.node(),
+            node=NODE,
             user=getpass.getuser(),
             folder=folder,
             control_port=control_port,

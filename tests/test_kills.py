@@ -30,6 +30,9 @@ SEED = int(os.environ.get("LIFTDRAG_KILL_SEED", "1"))
 LONG = TANK.set("drive.distance", "20 D")
 BED = tiny_bed().set("ensemble.runs", 6)
 
+TUBE = tiny_tube().set("numerics.restart_every", 1000)
+OF_TUBE = ("forces.dat", "profile.dat", "curve.csv", "series.csv")
+
 SCENES = {
     "tank": (LONG, "lammps", 1, ("forces.dat", "bed.dat", "series.csv")),
     "tank on 2 ranks": (LONG, "lammps", 2, ("forces.dat", "bed.dat", "series.csv")),
@@ -37,6 +40,12 @@ SCENES = {
     "Debian's lmp": (LONG, "lmp", 1, ()),
     "bed": (BED, "dem", 1, ("drag.csv", "packings.csv")),
     "bed on LAMMPS": (BED, "lammps", 1, ("drag.csv", "packings.csv")),
+    "tank on LIGGGHTS": (LONG, "liggghts", 1, ("forces.dat", "bed.dat", "series.csv")),
+    "tube on LAMMPS": (TUBE, "lammps", 1, OF_TUBE),
+    "tube on 2 ranks": (TUBE, "lammps", 2, OF_TUBE),
+    "lid in a tube": (TUBE.set("overload", {"mass": "3 g"}), "lammps", 1, OF_TUBE),
+    "tube on Debian's lmp": (TUBE, "lmp", 1, OF_TUBE),
+    "tube on LIGGGHTS": (TUBE, "liggghts", 1, OF_TUBE),
     "tube": (tiny_tube(), "dem", 1, ("curve.csv", "series.csv", "profile.csv")),
 }
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -57,13 +56,10 @@ def test_a_column_goes_on_to_the_same_bits(share, whole, tmp_path):
     folder = interrupted(tmp_path / "run", share)
     result = resume(None, folder)
     assert same(whole, folder)
-    ((step, total),) = [
-        (point["step"], result.record["steps"] + point["step"])
-        for point in result.record["provenance"]["resumed"]
-    ]
+    (step,) = (point["step"] for point in result.record["provenance"]["resumed"])
     old = json.loads((whole / "result.json").read_text())
-    assert total == old["steps"]
-    assert 0 < step <= share * total
+    assert result.record["steps"] == old["steps"]
+    assert 0 < step <= share * old["steps"]
     assert result.record["quantities"] == old["quantities"]
     assert not list(folder.glob("filling*"))
 
@@ -113,12 +109,3 @@ def test_a_column_that_is_killed_goes_on_to_the_same_bits(whole, tmp_path):
     assert subprocess.run(command, env=os.environ, check=False).returncode == -signal.SIGKILL
     resume(None, folder)
     assert same(whole, folder)
-
-
-def test_a_column_on_lammps_cannot_go_on_and_says_so(whole, tmp_path):
-    folder = shutil.copytree(whole, tmp_path / "run")
-    record = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps(record | {"engine": "lammps"}))
-    (folder / "result.json").unlink()
-    with pytest.raises(InputError, match="A janssen on the engine lammps cannot be gone on with"):
-        resume(None, folder)

@@ -126,6 +126,9 @@ class TestOutcomes:
         ):
             same = [tried(key, mean, 0.01, replica=k) for k in range(1, count + 1)]
             assert self.of(*same) == [causes] * count
+            own = [tried(CASE, 1.0, 0.01, replica=k) for k in (1, 2)]
+            doubts = [one.doubtful for one in outcomes([*own, *same], {"drag": 0.05})]
+            assert doubts == [False, False, *[(key, mean, count) == (STEP, 1.06, 2)] * count]
         precise = [
             Tried(run_of(key, mean, 0.1, each={"drag": (mean,) * 4}), {})
             for key, mean in ((CASE, 1.0), *(3 * [(STEP, 1.009)]))
@@ -158,6 +161,15 @@ class TestMargin:
         assert (margin.largest, margin.breaks) == pytest.approx((0.3, 0.45))
         assert margin.times == pytest.approx(0.3 / margin.own)
         assert "the next that was run, 0.45, breaks (not finite)" in str(margin)
+
+    def test_step_whose_answer_seems_another_is_not_held(self):
+        """Two runs 50 errors off are too few to say so, and too many to call it held."""
+        found = stressed((0.3, "finished"), (0.4, "finished"))
+        off = [tried(("time_step", "0.4"), 1.5, 0.01, replica=k) for k in (1, 2)]
+        kept = [one for one in found.tried if one.run.key != ("time_step", "0.4")]
+        margin = replace(found, tried=(*kept, *off)).margin
+        assert (margin.largest, margin.breaks) == pytest.approx((0.3, 0.4))
+        assert "0.4, seems to break (answer?)" in str(margin)
 
     def test_refused_step_is_no_break(self):
         margin = stressed((0.3, "finished"), refused=0.5).margin

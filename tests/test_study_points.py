@@ -168,7 +168,8 @@ def test_digest_is_of_the_case_and_the_engine_alone(study: Path):
 def drag(mean: float, error: float) -> State:
     found = Quantity(mean, error, "N", 1.0, 10.0, True)
     record = {"cpu_s": 2.0, "warnings": ["one"]}
-    return State("finished", "", Path("runs/x"), {"drag": found}, record)
+    quantities = {"drag": found, "lift": replace(found, mean=0.25)}
+    return State("finished", "", Path("runs/x"), quantities, record)
 
 
 @pytest.mark.parametrize(("errors", "expected"), [(0.01, "scatter"), (10.0, "series")])
@@ -205,8 +206,9 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     states[gone.digest] = State("failed", "lost_grains: 3")
     results = {name: answer(point, states) for name, point in found.items()}
     write_tables(tmp_path, plan, results, [])
-    rows = pd.read_csv(tmp_path / "points.csv").set_index("point")
-    assert len(rows) == 8
+    whole = pd.read_csv(tmp_path / "points.csv")
+    assert len(whole) == 7 * 2 + 1
+    rows = whole[whole["quantity"] != "lift"].set_index("point")
     assert rows.loc["plain-depth=3D", "intruder.depth"] == pytest.approx(3 * 1.5 * 1.5e-3)
     assert rows.loc["plain-depth=3D", "thickness/d"] == pytest.approx(3.0)
     assert rows.loc["plain-depth=3D", "length/D"] == pytest.approx(16 / 1.5)
@@ -214,40 +216,43 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     assert rows.loc["plain-depth=4D", "reason"] == "lost_grains: 3"
     assert np.isnan(rows.loc["plain-depth=4D", "mean"])
     same = pd.read_parquet(tmp_path / "points.parquet")
-    assert list(same.columns) == ["point", *rows.columns]
-    np.testing.assert_array_equal(same["mean"], rows["mean"])
+    assert list(same.columns) == list(whole.columns)
+    np.testing.assert_array_equal(same["mean"], whole["mean"])
     runs = pd.read_csv(tmp_path / "runs.csv")
-    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", "finished"]
+    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", *["finished"] * 2]
     assert list(rows.columns[5:8]) == ["grains.friction", "drive.distance", "intruder.depth"]
     draw(tmp_path, plan, results)
     assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_picture_against_a_quantity_has_a_line_for_each_run(
+def test_what_varies_together_makes_no_lines_of_its_own(
     study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """What varies together makes no lines of its own, what is in the grid does."""
+    """What is in the grid does."""
+    sizes = '["1.5 d", "1.75 d", "2 d"]'
     study.write_text(
-        study.read_text().replace("grid = { ", "together = { ")
-        + '[[pictures]]\nfile = "one.png"\ntitle = "One"\nagainst = "effective_depth"\n'
-        'over = "intruder.diameter"\n'
+        study.read_text()
+        .replace(
+            f'grid = {{ "intruder.diameter" = {sizes}',
+            f'together = {{ "intruder.diameter" = {sizes}',
+        )
+        .replace(sizes, f'{sizes}, "tank.height" = ["20 d", "21 d", "22 d"]')
+        + '[[pictures]]\nfile = "one.png"\ntitle = "One"\nagainst = "intruder.diameter"\n'
     )
     drawn = list[list[Line]]()
     monkeypatch.setattr(
         "liftdrag.study.drawn.draw_lines", lambda _title, lines, *_rest: drawn.append(lines)
     )
     plan, found = read(str(study)), points(study)
-    one = drag(1.0, 0.1)
-    deep = one.quantities | {"effective_depth": Quantity(0.009, 1e-4, "m", 1.0, 9.0, True)}
-    states = {digest: replace(one, quantities=deep) for digest in distinct(found.values())}
+    states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
     draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
     ((plain_3, plain_4, rough_3, rough_4),) = drawn
     assert [line.label for line in (plain_3, rough_4)] == [
         "plain, intruder.depth = 3 D",
         "rough, intruder.depth = 4 D",
     ]
-    assert (len(plain_4.places), len(rough_3.places)) == (1, 3)
-    assert rough_3.places == pytest.approx([0.009 / (k * 1.5e-3) for k in (1.5, 1.75, 2.0)])
+    assert len(plain_4.places) == 1
+    assert rough_3.places == pytest.approx([k * 1.5e-3 for k in (1.5, 1.75, 2.0)])
 
 
 def test_growth_of_a_run_is_fitted_and_written(study: Path, tmp_path: Path):
@@ -277,3 +282,31 @@ def test_table_of_words_and_numbers_goes_to_parquet_as_words(tmp_path: Path):
     found = pd.read_parquet(tmp_path / "t.parquet")
     assert list(found["key"][:2]) == ["soft", "1.5"]
     assert pd.isna(found["key"][2])
+
+
+def test_lines_of_a_picture_are_those_of_a_naive_loop(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A line for each other value that is varied; one for each run against what was measured."""
+    drawn = list[list[Line]]()
+    monkeypatch.setattr(
+        "liftdrag.study.drawn.draw_lines", lambda _title, lines, *_: drawn.append(lines)
+    )
+    for against in ("intruder.depth", "lift"):
+        study.write_text(
+            study.read_text()
+            + f'[[pictures]]\nfile = "a.png"\ntitle = "t"\nagainst = "{against}"\n'
+            'over = "intruder.diameter"\n'
+        )
+    plan, found = read(str(study)), points(study)
+    states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
+    draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
+    by_depth, by_lift = drawn
+    assert [line.label for line in by_depth] == [
+        "plain",
+        *(f"rough, intruder.diameter = {big} d" for big in (1.5, 1.75, 2)),
+    ]
+    assert all(line.places == pytest.approx([3.0, 4.0]) for line in by_depth)
+    assert [(line.label, len(line.places)) for line in by_lift] == [("plain", 2), ("rough", 6)]
+    bigs = [1.5, 1.75, 2] * 2
+    assert by_lift[1].places == pytest.approx([0.25 / (big * 1.5e-3) for big in bigs])

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from liftdrag import seal
 from liftdrag.analysis import drag2d
 from liftdrag.analysis.drag2d import EnsembleAnswers, Packing
 from liftdrag.analysis.invariants import check_sound, plane_invariants, watched
@@ -307,7 +308,7 @@ def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
     """The failure of a run without outcomes, written down where that is possible."""
     with contextlib.suppress(RunFailed):
         write_json(task.folder / RESULT, begun(record, status, [reason]))
-    how = how_on(record, task.folder, status)
+    how = how_on(task.folder, status)
     return RunFailed(status, f"{status} in {task.folder}: {reason}{how and '.'}{how}")
 
 
@@ -425,6 +426,9 @@ def _conclude(
     result["packings"] = count
     if not failed and count < task.scene.ensemble.runs:
         result["stopped_by"] = "precision"
+    if not failed:
+        with writing(task.folder):
+            result["sealed"] = seal.digests(task.folder)
     write_json(task.folder / RESULT, result)
     if failed:
         raise RunFailed(status, f"{status}: {failed.reason}.", failed.evidence)

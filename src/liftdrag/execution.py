@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from liftdrag import seal, sessions
 from liftdrag.case import Case
 from liftdrag.deck import Deck
 from liftdrag.engines.base import Engine, Enough, Outcome, Progress, silent
@@ -102,28 +103,34 @@ def carried_out(
     Raises RunFailed when it did not, or in `timeout_s`; `result.json` then says why.
     """
     bounds = limits(timeout_s, record.estimate.get("wall_s", 0.0))
+    record = sessions.opened(record, folder)
     outcome, wall_s = _timed(engine, record, folder, progress, enough, bounds)
     outcome = _as_written(outcome, record, folder)
-    finished = outcome.status == "finished"
-    reasons = [] if finished else [outcome.reason]
-    result = begun(record, outcome.status, reasons) | cost(outcome, wall_s)
+    if outcome.status != "finished":
+        with contextlib.suppress(RunFailed):
+            record = sessions.closed(record, folder, outcome.status, wall_s, outcome.cpu_s)
+        with contextlib.suppress(RunFailed):
+            write_json(folder / RESULT, _ended(record, outcome, [outcome.reason]))
+        how = how_on(folder, outcome.status)
+        reason = f"{outcome.status}: {outcome.reason}.{how}"
+        raise RunFailed(outcome.status, reason, outcome.evidence)
+    record = sessions.closed(record, folder, outcome.status, wall_s, outcome.cpu_s)
+    with writing(folder):
+        sealed = {"stopped_by": outcome.stopped_by, "sealed": seal.digests(folder)}
+    result = _ended(record, outcome, []) | sealed
+    write_json(folder / RESULT, result)
+    return outcome, result
+
+
+def _ended(record: Record, outcome: Outcome, reasons: list[str]) -> dict[str, Any]:
+    """The record of a run that ended, with what all its sessions took."""
+    result = begun(record, outcome.status, reasons) | cost(outcome, 0.0) | sessions.spent(record)
     result["engine"] |= {
         "version": outcome.version,
         "path": str(outcome.path),
         "ranks": outcome.ranks,
     }
-    if finished:
-        result["stopped_by"] = outcome.stopped_by
-    if finished:
-        write_json(folder / RESULT, result)
-        return outcome, result
-    with contextlib.suppress(RunFailed):
-        write_json(folder / RESULT, result)
-    raise RunFailed(
-        outcome.status,
-        f"{outcome.status}: {outcome.reason}.{how_on(record, folder, outcome.status)}",
-        outcome.evidence,
-    )
+    return result
 
 
 def _as_written(outcome: Outcome, record: Record, folder: Path) -> Outcome:
@@ -153,21 +160,18 @@ def _timed(
         failure = error
     else:
         return outcome, time.monotonic() - start
+    wall_s = time.monotonic() - start
     with contextlib.suppress(RunFailed):
-        write_json(folder / RESULT, begun(record, failure.status, [failure.reason]))
-    reason = f"{failure.reason}{how_on(record, folder, failure.status)}"
+        record = sessions.closed(record, folder, failure.status, wall_s, None)
+    with contextlib.suppress(RunFailed):
+        ended = begun(record, failure.status, [failure.reason]) | sessions.spent(record)
+        write_json(folder / RESULT, ended)
+    reason = f"{failure.reason}{how_on(folder, failure.status)}"
     raise RunFailed(failure.status, reason, failure.evidence) from None
 
 
-def how_on(record: Record, folder: Path, status: str) -> str:
+def how_on(folder: Path, status: str) -> str:
     """How to go on with a run that was cut short."""
-    if status not in CUT_SHORT or not resumable(record):
+    if status not in CUT_SHORT:
         return ""
     return f" Go on with: liftdrag run --resume --out {shlex.quote(str(folder))}"
-
-
-def resumable(record: Record) -> bool:
-    """Whether a run that was cut short can go on."""
-    engines = {"tank": ("lammps", "lmp"), "janssen": ("dem",)}
-    scene = record.tables["scene"]
-    return scene == "drag2d" or record.engine in engines[scene]

@@ -46,3 +46,8 @@ def read_bytes(path: Path, most: int) -> bytes:
     if len(found) > most:
         raise OSError(0, f"it is larger than {most} bytes", os.fspath(path))
     return found
+
+
+def text(path: Path) -> str:
+    """The text of a file, or none when it does not exist."""
+    return path.read_text("utf-8", "replace") if path.exists() else ""

@@ -133,7 +133,7 @@ def gone_through(
     """The run of a deck in its folder, or the rest of it, and its answers."""
     enough = FillStopping(scene_of(case)) if record.plan.stoppable else None
     outcome, result = carried_out(engine, record, folder, progress, enough, timeout_s)
-    record = _as_it_was(record, folder)
+    record = _as_it_was(Record.read(folder), folder)
     whole = outcome.grains * record.plan.fills[-1][-1]
     result["grain_steps_per_s"] *= _work(record, outcome.grains) / whole
     return outcome, answered(folder, scene_of(case), record, result)

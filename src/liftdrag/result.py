@@ -84,7 +84,7 @@ def cost(outcome: Outcome, wall_s: float) -> dict[str, Any]:
     """What a run took."""
     work = outcome.grains * outcome.steps
     return {
-        "steps": outcome.steps,
+        "steps": outcome.before + outcome.steps,
         "grains": outcome.grains,
         "wall_s": wall_s,
         "cpu_s": outcome.cpu_s,

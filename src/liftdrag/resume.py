@@ -18,7 +18,7 @@ from liftdrag.engines import checkpoint, restart
 from liftdrag.engines.base import Engine, Progress, silent
 from liftdrag.engines.family import Family
 from liftdrag.errors import InputError
-from liftdrag.execution import carried_out, resumable
+from liftdrag.execution import carried_out
 from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
 from liftdrag.lock import held
 from liftdrag.result import Result, budgeted
@@ -108,11 +108,6 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
 
     Raises InputError when it cannot go on.
     """
-    if not resumable(record):
-        raise InputError(
-            f"A {record.tables['scene']} on the engine {record.engine} cannot be gone on with; "
-            f"remove {folder} and run again."
-        )
     _check_engine(record, engine, folder)
     if record.tables["scene"] == "drag2d":
         return record
@@ -120,13 +115,15 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
     if not isinstance(engine, Family):
         state = checkpoint.latest(folder)
         return _noted(record, folder, None if state is None else ("drive", int(state["done"])))
-    point = restart.latest(record.plan, folder)
+    point = restart.latest(record.plan, folder, engine.log)
     if point is None:
+        with writing(folder):
+            restart.begin_anew(record.plan, folder)
         return _noted(record, folder, None)
     with writing(folder):
         restart.take_back(point, record.plan, folder, engine.log)
     record = _noted(record, folder, (point.stage, point.step))
-    return replace(record, plan=replace(record.plan, start=deck_of(point.stage)))
+    return replace(record, plan=replace(record.plan, start=deck_of(record.plan.start, point.stage)))
 
 
 def _noted(record: Record, folder: Path, point: tuple[str, int] | None) -> Record:

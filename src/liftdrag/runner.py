@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from liftdrag import ensemble, piston, tank
+from liftdrag import ensemble, piston, seal, tank
 from liftdrag.analysis.biases import read_biases
 from liftdrag.case import Case
 from liftdrag.deck.dialect import IN_HOUSE
@@ -126,6 +126,7 @@ def analyze(folder: Path, bench: str | Path | None = None) -> Result:
     if status != "finished":
         raise InputError(f"The run in {folder} did not finish ({status}); run the case again.")
     case = recorded(folder, record)
+    seal.check(folder, old.get("sealed"))
     if isinstance(case.scene, Drag2DScene):
         found = ensemble.answered(folder, case.scene, record, old)
     elif isinstance(case.scene, JanssenScene):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import StringIO
 from math import ceil, sqrt
 from typing import Any
@@ -15,6 +15,7 @@ from liftdrag import granular
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import IN_HOUSE, LAMMPS_2021, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
+from liftdrag.deck.restart import LongRun, Way, deck_of, restarting, way_of
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
@@ -37,6 +38,8 @@ TYPES = 4
 LARGEST_STEP = 0.2
 """Time step over the smaller of the Rayleigh and Hertz times at which LIGGGHTS stops, unless a
 larger one is asked for."""
+
+LID_MOTION = "fix          lid_motion lid rigid single force 1 off off on torque 1 off off off"
 
 DILATION = 0.1
 """How much higher than as packed a column may become, of its height."""
@@ -62,13 +65,21 @@ def build(
         "version": version,
         "ranks": ranks,
     }
-    text = render(f"{dialect.folder}/janssen.in.j2", context)
-    check_commands(text, START)
-    texts = {START: text, "column.data": _data_file(scene, numerics, column)}
+    texts = dict(_decks(context, dialect)) | {"column.data": _data_file(scene, numerics, column)}
     if scene.stop and dialect is LIGGGHTS:
         numbers = range(1, len(numerics.levels) + 1)
         texts |= {f"stop-{number}.lmp": "variable good_enough equal 0\n" for number in numbers}
     return Deck(texts, plan_of(scene, numerics, ranks, START, {"forces.dat": CHANNELS}))
+
+
+def _decks(context: dict[str, Any], dialect: Dialect) -> Iterator[tuple[str, str]]:
+    """The deck, and the one that goes on with it."""
+    names = {START: False} | ({deck_of(START, "drive"): True} if context["kept"] else {})
+    for name, resumed in names.items():
+        own = {"deck": name, "resumed": resumed}
+        text = render(f"{dialect.folder}/janssen.in.j2", context | own)
+        check_commands(text, name)
+        yield name, text
 
 
 def check_contact(scene: JanssenScene, dialect: Dialect) -> None:
@@ -121,8 +132,58 @@ def _context(
     context |= _set_up(scene, numerics, column) | _steps(numerics) | _bounds(numerics)
     words = {key: _plain(value) for key, value in context.items()} | {"seed": scene.seed}
     words |= {"stoppable": scene.stop is not None, "averaging": f"{dialect.folder}/average.j2"}
-    fills = [render("fill.j2", words | fill) for fill in _fills(numerics)]
+    way = way_of(dialect, springs=scene.grains.contact == "linear")
+    words |= _keeping(numerics, way)
+    runs = _Runs(words["kept"], way, numerics, scene.stop is not None)
+    fills = [render("fill.j2", words | fill | runs.of(fill)) for fill in _fills(numerics)]
     return words | {"fills": "".join(fills)}
+
+
+def _keeping(numerics: JanssenNumerics, way: Way) -> dict[str, Any]:
+    """Every how many steps the state is kept, 0 for never, and the command for it, if any."""
+    every = numerics.restart_every.value
+    kept = every if every < numerics.levels[-1].end else 0
+    asked = kept and way != "written"
+    return {"kept": kept, "restarting": restarting("drive", every) if asked else ""}
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """The runs of the fills: as they are, or `kept` every so many steps in an engine's way."""
+
+    kept: int
+    way: Way
+    numerics: JanssenNumerics
+    stoppable: bool
+
+    def of(self, fill: Mapping[str, int]) -> dict[str, str]:
+        """Those of a fill, by the names that its template gives them."""
+        return {f"{phase}_run": self._run(phase, fill) for phase in _LABELS}
+
+    def _run(self, phase: str, fill: Mapping[str, int]) -> str:
+        if not self.kept:
+            return f"run          {fill[phase]}{_NOTES[phase] * (not self._is_watched(phase))}"
+        run = LongRun(
+            "drive",
+            "${until}",
+            self.kept,
+            self.way,
+            label=f"{_LABELS[phase]}_{fill['number']}",
+        )
+        if self._is_watched(phase):
+            run = self._until_enough(run, fill["number"])
+        return run.body(resumed=True)
+
+    def _is_watched(self, phase: str) -> bool:
+        return phase == "average" and self.stoppable
+
+    def _until_enough(self, run: LongRun, number: int) -> LongRun:
+        """An average that may end early; that of LIGGGHTS is looked at after each block."""
+        going = replace(run, going="${good_enough} < 0.5")
+        if self.way != "written":
+            return going
+        block, after = self.numerics.block_every.value, f"include      stop-{number}.lmp"
+        return replace(going, piece=block, after=after)
 
 
 def _plain(value: Any) -> Any:
@@ -209,11 +270,23 @@ def _words(values: np.ndarray) -> str:
     return " ".join(f"{value:.15g}" for value in values.ravel())
 
 
+_LABELS = {"settle": "settling", "mobilise": "mobilising", "average": "averaging"}
+"""The phases of a fill, and what the pieces of their runs are called."""
+
+_NOTES = {
+    "settle": "",
+    "mobilise": "                        # until the wall's friction is mobilised",
+    "average": "                        # averaged",
+}
+"""What is said of the runs that are in one piece."""
+
+
 def _set_up(scene: JanssenScene, numerics: JanssenNumerics, column: PackedColumn) -> dict[str, Any]:
     x, y, z = numerics.processors.value
     rate = numerics.settle_rate.value
     return {
         "lid": len(column.lid) > 0,
+        "lid_motion": LID_MOTION,
         "diameter": scene.grains.diameter,
         "gravity": GRAVITY,
         "tube_radius": scene.tube.diameter / 2.0,

@@ -55,17 +55,17 @@ SHAPES = {
 }
 """Commands of which only this form is allowed, whole."""
 
-IN_IF = frozenset({"print", "quit", "jump"})
+IN_IF = frozenset({"print", "quit", "jump", "write_restart"})
 """The commands that an `if` may run."""
 
-RUN_PIECE = re.compile(r"run ([0-9]+|\$\{left\})")
+RUN_PIECE = re.compile(r"run \$\{(left|piece)\}( pre no post no)?")
 """What else it may run, in a run in pieces."""
 
 RESTARTS = (
     r"restart (0|[0-9]+ (?P<stage>settle|drive)-a\.restart (?P=stage)-b\.restart)"
-    r"|read_restart (settle|drive)-from\.restart"
+    r"|write_restart (settle|drive)-[ab]\.restart|read_restart (settle|drive)-from\.restart"
 )
-"""Whole commands that write the state of a tank and read it again."""
+"""Whole commands that write the state of a run and read it again."""
 
 
 CONTACTS = (
@@ -94,18 +94,27 @@ _TANK = _rules(
     "if label reset_timestep unfix velocity write_dump",
     """bed.dat fields.dump forces.dat grains.data settled.dump snapshots.dump surface.dump
     trajectory.dump""",
-    rf"include stop\.lmp|next piece|jump SELF (settling|settle|drive|driven)|{RESTARTS}|{CONTACTS}",
+    rf"include stop\.lmp|jump SELF (settle|drive)|{RESTARTS}|{CONTACTS}",
 )
+
+_COLUMN = (
+    r"include stop-\d+\.lmp|next piece_\d+"
+    rf"|jump SELF (averaged?|(settl|mobilis|averag)ing)_\d+|{RESTARTS}"
+)
+
+
+def _column(whole: str) -> Rules:
+    files = "column.data forces.dat profile.dat"
+    return _rules("displace_atoms if label unfix velocity", files, whole)
+
 
 DECKS = {
     "in.tank": _TANK,
     "in.tank-settle": _TANK,
     "in.tank-drive": _TANK,
-    "in.janssen": _rules(
-        "displace_atoms if label unfix velocity",
-        "column.data forces.dat profile.dat",
-        r"include stop-\d+\.lmp|next piece_\d+|jump SELF averaged?_\d+",
-    ),
+    "in.janssen": _column(_COLUMN),
+    "in.janssen-drive": _column(rf"{_COLUMN}|include from\.lmp|jump SELF \$\{{phase\}}"),
+    "from.lmp": _rules("", ""),
     "in.drag2d": _rules("dimension", "clumps.data forces.dat grains.data snapshots.dump"),
     "in.bodies": _rules("", "bodies.data motion.dump"),
 }

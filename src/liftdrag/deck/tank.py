@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from liftdrag.classic import Classic, classic
 from liftdrag.deck.commands import check_commands
 from liftdrag.deck.dialect import LAMMPS, LIGGGHTS, Contact, Dialect
 from liftdrag.deck.model import Deck, Plan
-from liftdrag.deck.restart import LongRun, deck_of
+from liftdrag.deck.restart import LongRun, deck_of, way_of
 from liftdrag.deck.template import render
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
@@ -23,6 +24,8 @@ from liftdrag.numerics.tank import STEP_BOUND, TankNumerics, impact_speed
 from liftdrag.packing import Container, random_bed, square_layer
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import FLOOR
+
+START = "in.tank"
 
 FLOOR_FORCES = {"floor_drag": "N", "floor_lift": "N"}
 """Force of the bed on the driven layers along x, and on the bottom layer along z."""
@@ -59,19 +62,16 @@ def build(
     """
     _check_skin(scene, numerics, dialect)
     bed = bed or packed(scene)
-    context = (
-        _context(scene, numerics, dialect)
-        | _stopping(scene, numerics, dialect)
-        | {
-            "program": dialect.program,
-            "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
-            "version": version,
-            "ranks": ranks,
-            "settled": bed.settled,
-            "trajectory_every": numerics.trajectory_every.value if dump else 0,
-            "fields_every": numerics.fields_every.value if numerics.fields_every else 0,
-        }
-    )
+    context = _context(scene, numerics, dialect) | {
+        "program": dialect.program,
+        "name": re.sub(r"[^A-Za-z0-9_./-]", "_", name)[:80],
+        "version": version,
+        "ranks": ranks,
+        "settled": bed.settled,
+        "stoppable": scene.stop is not None,
+        "trajectory_every": numerics.trajectory_every.value if dump else 0,
+        "fields_every": numerics.fields_every.value if numerics.fields_every else 0,
+    }
     runs = _runs(scene, numerics, dialect)
     texts = dict(_decks(context, dialect, runs)) | {"grains.data": _data_file(scene, bed)}
     if scene.stop and dialect is LIGGGHTS:
@@ -83,8 +83,8 @@ def _decks(
     context: dict[str, Any], dialect: Dialect, runs: Sequence[LongRun]
 ) -> Iterator[tuple[str, str]]:
     """The deck, and one for each stage that may be gone on with."""
-    resumed = [(run.stage, deck_of(run.stage)) for run in runs if run.every]
-    for stage, name in (("start", "in.tank"), *resumed):
+    resumed = [(run.stage, deck_of(START, run.stage)) for run in runs if run.every]
+    for stage, name in (("start", START), *resumed):
         going = {f"{run.stage}_run": run.lines(run.stage == stage) for run in runs}
         append = " append yes" if stage == "drive" else ""
         going |= {"stage": stage, "deck": name, "append": append}
@@ -93,25 +93,56 @@ def _decks(
         yield name, text
 
 
-def _runs(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> tuple[LongRun, ...]:
-    """The stages of LAMMPS, with restart files where they may take long enough for one.
-
-    Pieces are exact but for walls whose damping LAMMPS derives anew at each run.
-    """
-    if dialect is LIGGGHTS:
-        return ()
-    every, exact = numerics.restart_every.value, dialect is LAMMPS
+def _runs(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> tuple[LongRun, LongRun]:
+    """The two stages, with restart files where they may take long enough for one."""
+    every, way = numerics.restart_every.value, way_of(dialect)
     settle, drive = numerics.settle_steps_max.value, numerics.drive_steps.value
+    if dialect is LIGGGHTS:
+        return _written(scene, numerics, every)
     enough = "${good_enough} < 0.5" if scene.stop else ""
     return (
-        LongRun("settle", f"{settle}", every * (every < settle), exact, "${restless} > 0.5"),
-        LongRun("drive", "${drive_steps}", every * (every < drive), exact, enough),
+        LongRun("settle", f"{settle}", every * (every < settle), way, "${restless} > 0.5"),
+        LongRun("drive", "${drive_steps}", every * (every < drive), way, enough),
     )
+
+
+def _written(scene: TankScene, numerics: TankNumerics, every: int) -> tuple[LongRun, LongRun]:
+    """Those of LIGGGHTS, which is looked at, and has its state written, after a piece."""
+    settle, look = numerics.settle_steps_max.value, numerics.look_every.value
+    drive = numerics.drive_steps.value
+    settling = LongRun(
+        "settle",
+        f"{settle}",
+        _whole(every, look) * (every < settle),
+        "written",
+        "${more} > 0.5",
+        piece=look,
+        after="variable     more equal ${restless}",
+        kept_last=False,
+    )
+    if scene.stop is None:
+        return settling, LongRun("drive", "${drive_steps}", every * (every < drive), "written")
+    piece = _stop_piece(numerics)
+    stopped = LongRun(
+        "drive",
+        "${drive_steps}",
+        _whole(every, piece) * (every < drive),
+        "written",
+        "${good_enough} == 0",
+        piece=piece,
+        after="include      stop.lmp",
+        joined=True,
+    )
+    return settling, stopped
+
+
+def _whole(steps: int, piece: int) -> int:
+    return piece * ceil(steps / piece)
 
 
 def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:
     return Plan(
-        start="in.tank",
+        start=START,
         ranks=ranks,
         time_step=numerics.time_step.value,
         stages={
@@ -127,16 +158,10 @@ def _plan(scene: TankScene, numerics: TankNumerics, ranks: int) -> Plan:
     )
 
 
-def _stopping(scene: TankScene, numerics: TankNumerics, dialect: Dialect) -> dict[str, Any]:
-    """A run that may end early: for LIGGGHTS in pieces of whole rows, and what is left over."""
-    stoppable = {"stoppable": scene.stop is not None}
-    if dialect is not LIGGGHTS:
-        return stoppable
+def _stop_piece(numerics: TankNumerics) -> int:
+    """Steps, whole rows, after which LIGGGHTS may end."""
     drive, row = numerics.drive_steps.value, numerics.row_every.value
-    steps = min(row * max(drive // (PIECES * row), 1), drive)
-    pieces = drive // steps
-    left = drive - pieces * steps
-    return stoppable | {"pieces": pieces, "piece_steps": steps, "left_steps": left}
+    return min(row * max(drive // (PIECES * row), 1), drive)
 
 
 def packed(scene: TankScene) -> Bed:

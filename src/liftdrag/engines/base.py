@@ -35,7 +35,7 @@ class Outcome:
 
     `stopped_by` is "precision" where it had enough, "request" where somebody else wrote its file
     STOP, or "distance". `loop_s` is the time on the clock of the engine's loops, `cpu_s` the
-    processor time of all its ranks, in seconds.
+    processor time of all its ranks, in seconds; `before` are steps of the sessions before.
     """
 
     status: str
@@ -49,6 +49,7 @@ class Outcome:
     loop_s: float
     cpu_s: float
     stopped_by: str = "distance"
+    before: int = 0
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from liftdrag.deck import Plan
 from liftdrag.engines.fills import as_they_were, early, ends_in
 from liftdrag.engines.stopper import PRECISION, STOP, stop_files
 from liftdrag.errors import InputError
+from liftdrag.files import text
 from liftdrag.tables import column, read_table
 
 DISK_FULL = "the disk is full; free some and run again"
@@ -25,6 +26,7 @@ _SIGNAL = re.compile(
     r"EXIT STRING: (.*\(signal \d+\))|EXIT CODE: (9|15)$|exited on signal (9|15) ", re.MULTILINE
 )
 _END = re.compile(r"^LIFTDRAG FINISHED at step (\d+)$", re.MULTILINE)
+_SETTLED = re.compile(r"^LIFTDRAG SETTLED after (\d+) steps,", re.MULTILINE)
 _UNSETTLED = re.compile(r"^LIFTDRAG UNSETTLED: (.*)$", re.MULTILINE)
 _COPIES = re.compile(r"^ERROR.*[Pp]rocessors != physical processors", re.MULTILINE)
 _CAUSES = (
@@ -79,6 +81,14 @@ def verdict(plan: Plan, folder: Path, log: str, said: str, code: int) -> tuple[s
     if int(end[1]) != last and stopped_by(plan, folder, log) == "distance":
         return "engine_error", f"the engine ended at step {end[1]}, not {last}"
     return _judge_series(plan, folder, int(end[1]))
+
+
+def steps_before(logs: str, log: str, steps: int) -> int:
+    """The steps of a finished run before its last session, of so many `steps` and this `log`."""
+    if not (end := _END.search(log)):
+        return 0
+    settled = _SETTLED.findall(logs)
+    return int(end[1]) + (int(settled[-1]) if settled else 0) - steps
 
 
 def _is_full(folder: Path) -> bool:
@@ -146,11 +156,6 @@ def ranks_of(log: str) -> int:
     """The ranks that the engine says it ran on; 0 when it did not come to say."""
     grid = _GRID.search(log)
     return prod(map(int, grid.groups())) if grid else 0
-
-
-def text(path: Path) -> str:
-    """The text of a file, or none when it does not exist."""
-    return path.read_text("utf-8", "replace") if path.exists() else ""
 
 
 def last_words(*texts: str) -> str:

@@ -120,6 +120,7 @@ class InHouse:
             loop_s=loop_s,
             cpu_s=cpu_s,
             stopped_by=_stopped_by(plan, folder),
+            before=ran.before,
         )
 
     def series(self, plan: Plan, folder: Path) -> Series:

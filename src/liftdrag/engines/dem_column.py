@@ -186,7 +186,7 @@ def run(deck: ColumnDeck, folder: Path, progress: Progress, enough: Enough | Non
     if status == dem.FINE:
         filling.keeper.clear()
     last = filling.pieces[-1]
-    return Ran(status, filling.done - begin, float(last.overlap.max(initial=0.0)))
+    return Ran(status, filling.done - begin, float(last.overlap.max(initial=0.0)), begin)
 
 
 class _Filling:

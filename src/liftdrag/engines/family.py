@@ -18,11 +18,12 @@ from liftdrag.engines import checks, mpi, process, restart
 from liftdrag.engines.base import About, Enough, Outcome, Progress
 from liftdrag.engines.fills import FillStopper, as_they_were, ends_in, write_fills
 from liftdrag.engines.log import LogTail
-from liftdrag.engines.profiles import read_profiles
+from liftdrag.engines.phases import text_of
+from liftdrag.engines.profiles import PROFILES, read_profiles
 from liftdrag.engines.stopper import Stopper
 from liftdrag.engines.watchdog import FOREVER, Limits, Watchdog
 from liftdrag.errors import RunFailed
-from liftdrag.files import check_ordinary, whole_lines
+from liftdrag.files import check_ordinary, text, whole_lines
 from liftdrag.profile import Profile
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
@@ -108,7 +109,7 @@ class Family(ABC):
         try:
             ended = process.watch(self._start(plan, folder, own_ranks > 1), folder, poll)
         except RunFailed as failure:
-            said = checks.last_words(checks.text(folder / self.log), checks.text(folder / SAYS))
+            said = checks.last_words(text(folder / self.log), text(folder / SAYS))
             raise RunFailed(failure.status, failure.reason, said) from None
         return self._outcome(plan, folder, ended.code, own_ranks * ended.cpu_s)
 
@@ -143,10 +144,11 @@ class Family(ABC):
         return started
 
     def _outcome(self, plan: Plan, folder: Path, code: int, cpu_s: float) -> Outcome:
-        log = checks.text(folder / self.log)
-        said = checks.text(folder / SAYS)
+        log = text(folder / self.log)
+        said = text(folder / SAYS)
         restart.join(plan, folder)
         loops = [(float(s), int(n), int(atoms)) for s, n, atoms in checks.LOOP.findall(log)]
+        steps = sum(n for _, n, _ in loops)
         status, reason = checks.verdict(plan, folder, log, said, code)
         if plan.fills and plan.stoppable:
             write_fills(folder, as_they_were(plan, ends_in(log)))
@@ -157,11 +159,12 @@ class Family(ABC):
             version=self.about().version,
             path=self.about().path,
             ranks=checks.ranks_of(log),
-            steps=sum(n for _, n, _ in loops),
+            steps=steps,
             grains=loops[-1][2] if loops else 0,
             loop_s=sum(s for s, _, _ in loops),
             cpu_s=cpu_s,
             stopped_by=checks.stopped_by(plan, folder, log),
+            before=checks.steps_before(text_of(folder, self.log), log, steps),
         )
 
     def series(self, plan: Plan, folder: Path) -> Series:
@@ -195,7 +198,7 @@ class Family(ABC):
 
     def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
         """Those of `profile.dat`."""
-        return read_profiles(folder / "profile.dat", plan.time_step)
+        return read_profiles(folder / PROFILES, plan.time_step)
 
 
 def _by_step(file: Path, every: int) -> pd.DataFrame:
@@ -204,11 +207,11 @@ def _by_step(file: Path, every: int) -> pd.DataFrame:
 
 
 def _joined(parts: Sequence[pd.DataFrame], every: int) -> pd.DataFrame:
-    """The rows before a run went on and those since; of two with the same step the later."""
+    """The rows before a run went on and those since; of two with the same step the earlier."""
     import pandas as pd
 
     table = pd.concat(parts)
-    return _spaced(table[~table.index.duplicated(keep="last")], every, "what went on")
+    return _spaced(table[~table.index.duplicated(keep="first")], every, "what went on")
 
 
 def _spaced(table: pd.DataFrame, every: int, name: str) -> pd.DataFrame:

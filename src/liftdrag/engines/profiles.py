@@ -16,6 +16,8 @@ import numpy as np
 from liftdrag.files import check_ordinary, whole_lines
 from liftdrag.profile import Profile
 
+PROFILES = "profile.dat"
+
 SUMS = {
     "virial": "v_virial",
     "wall_normal": "v_normal",

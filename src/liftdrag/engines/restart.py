@@ -1,4 +1,4 @@
-"""Where a run of LAMMPS that was cut short goes on: its restart files, and what came after them."""
+"""Where a run that was cut short goes on: its restart files, and what came after them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,23 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import BinaryIO
 
 from liftdrag.deck import Plan
-from liftdrag.deck.restart import STAGES, read, written
+from liftdrag.deck.restart import PHASE, STAGES, read, written
+from liftdrag.engines.phases import Phase, phase_at, text_of
+from liftdrag.engines.profiles import PROFILES
+from liftdrag.engines.stopper import go_on, stop_files
+from liftdrag.files import text
 
 MARK = b"LammpS RestartT\0"
-"""How a restart file begins and, when it is whole, ends."""
+"""How a restart file of LAMMPS begins and, when it is whole, ends."""
+
+_KEPT = re.compile(r"^LIFTDRAG KEPT (\S+) at step (\d+)$", re.MULTILINE)
+"""What LIGGGHTS says of a restart file once it is whole."""
 
 ANSWERED_FROM = ("surface.dump", "snapshots.dump", "fields.dump", "contacts.dump")
 DUMPS = (*ANSWERED_FROM, "trajectory.dump")
@@ -30,43 +38,59 @@ _FRAME = re.compile(rb"^ITEM: TIMESTEP\n(\d+)\n|^I[A-Z: ]*(?:\n\d*)?\Z", re.MULT
 
 @dataclass(frozen=True)
 class Point:
-    """A whole restart `file` of a stage, written at `step`."""
+    """A whole restart `file` of a stage, written at `step`; of a column, in a `phase`."""
 
     stage: str
     step: int
     file: Path
+    phase: Phase | None = None
 
 
-def latest(plan: Plan, folder: Path) -> Point | None:
-    """The last point that a run can go on from: whole, and with all rows until there."""
+def latest(plan: Plan, folder: Path, log: str) -> Point | None:
+    """The last point that a run can go on from: whole, and with all rows until there.
+
+    `log` is the name of the engine's.
+    """
+    said = text_of(folder, log) if plan.fills else ""
     for stage in STAGES:
-        names = (*written(stage), read(stage))
-        files = [(step_of(folder / name), folder / name) for name in names]
-        points = [Point(stage, step, file) for step, file in files if step is not None]
-        for point in sorted(points, key=lambda point: -point.step):
-            if stage != "drive" or _reached(plan, folder, point.step):
-                return point
+        for step, file in sorted(_whole(folder, stage, log), key=lambda found: -found[0]):
+            phase = phase_at(plan, said, step) if plan.fills else None
+            told = phase is not None or not plan.fills
+            if told and (stage != "drive" or _reached(plan, folder, step)):
+                return Point(stage, step, file, phase)
     return None
 
 
-def step_of(file: Path) -> int | None:
-    """The step of a restart file; None when it is not whole, or is none."""
+def _whole(folder: Path, stage: str, log: str) -> Iterator[tuple[int, Path]]:
+    """The steps and the whole restart files of a stage; a copy is whole."""
+    marks = {(name, int(step)) for name, step in _KEPT.findall(text(folder / log))}
+    for name in (*written(stage), read(stage)):
+        step, is_marked = step_of(folder / name)
+        if step is not None and (is_marked or name == read(stage) or (name, step) in marks):
+            yield step, folder / name
+
+
+def step_of(file: Path) -> tuple[int | None, bool]:
+    """The step of a restart file, and whether it is marked as whole.
+
+    There is no step where the file is none, or one of LAMMPS that is cut short.
+    """
     try:
         with file.open("rb") as opened:
+            if opened.read(len(MARK)) != MARK:
+                opened.seek(0)
+                return _header_step(opened), False
             opened.seek(-len(MARK), os.SEEK_END)
             if opened.read() != MARK:
-                return None
-            opened.seek(0)
-            return _header_step(opened)
-    except (OSError, struct.error):
-        return None
+                return None, False
+            opened.seek(len(MARK) + 8)
+            return _header_step(opened), True
+    except (OSError, ValueError, struct.error):
+        return None, False
 
 
 def _header_step(file: BinaryIO) -> int | None:
     """The step that the header tells, among numbers and texts, each after its flag."""
-    if file.read(len(MARK)) != MARK:
-        return None
-    file.seek(8, os.SEEK_CUR)
     for _ in range(_NTIMESTEP + 2):
         flag, number = struct.unpack("=ii", file.read(8))
         if flag == _NTIMESTEP:
@@ -78,7 +102,7 @@ def _header_step(file: BinaryIO) -> int | None:
 
 def _reached(plan: Plan, folder: Path, step: int) -> bool:
     """Whether the series have their rows up to a step, and the dumps whole frames before it."""
-    rows = all(max(_rows(folder, name), default=-1) >= step for name in plan.series)
+    rows = all(max(_rows(folder, name), default=-1) >= step for name in _tables(plan))
     return rows and all(_is_whole(folder / name, step) for name in ANSWERED_FROM)
 
 
@@ -105,8 +129,11 @@ def take_back(point: Point, plan: Plan, folder: Path, log: str) -> None:
     copy = folder / read(point.stage)
     if point.file != copy:
         _replace(copy, point.file.read_bytes())
+    if point.phase is not None:
+        _replace(folder / PHASE, point.phase.text().encode())
+    _take_back_stops(point.phase, plan, folder)
     if point.stage == "drive":
-        for name in plan.series:
+        for name in _tables(plan):
             _keep_rows(folder, name, point.step)
         for name in DUMPS:
             _cut(folder / name, point.step)
@@ -114,9 +141,30 @@ def take_back(point: Point, plan: Plan, folder: Path, log: str) -> None:
         (folder / log).replace(_free(folder, log))
 
 
+def begin_anew(plan: Plan, folder: Path) -> None:
+    """Take back what was decided and kept in a run that begins anew. Raises OSError."""
+    _take_back_stops(None, plan, folder)
+    for name in _tables(plan):
+        before(folder, name).unlink(missing_ok=True)
+
+
+def _take_back_stops(phase: Phase | None, plan: Plan, folder: Path) -> None:
+    """Have liftdrag decide anew whether what was not yet over at the point may end early."""
+    if not plan.fills:
+        go_on(folder)
+    first = 1 if phase is None else phase.fill + phase.done
+    for number in range(first, len(plan.fills) + 1):
+        go_on(folder, stop_files(number))
+
+
+def _tables(plan: Plan) -> tuple[str, ...]:
+    """The files whose rows are kept: the series, and the profiles of a column."""
+    return (*plan.series, PROFILES) if plan.fills else tuple(plan.series)
+
+
 def join(plan: Plan, folder: Path) -> None:
-    """Put the rows of a series that were kept before those that were written since."""
-    for name in plan.series:
+    """Put the rows that were kept before those that were written since."""
+    for name in _tables(plan):
         if before(folder, name).exists():
             _replace(folder / name, _text(folder, name, _rows(folder, name)))
             before(folder, name).unlink()
@@ -146,12 +194,21 @@ def _text(folder: Path, name: str, rows: dict[int, bytes]) -> bytes:
 
 
 def _rows(folder: Path, name: str) -> dict[int, bytes]:
-    """The whole rows of a series by their steps; of two with the same step the later."""
-    return {
-        int(line.split()[0]): line
-        for line in _lines(folder, name)
-        if line.endswith(b"\n") and line.split()[:1] and line.split()[0].isdigit()
-    }
+    """The whole rows, or blocks of them, by their steps; of two with the same step the earlier.
+
+    An engine that goes on may write a row at the step that it goes on from, of forces computed
+    anew.
+    """
+    lines = (line for line in _lines(folder, name) if line.endswith(b"\n"))
+    rows = dict[int, bytes]()
+    for line in lines:
+        words = line.split()
+        if words[:1] and words[0].isdigit():
+            more = int(words[1]) if name == PROFILES else 0
+            block = [line, *islice(lines, more)]
+            if len(block) == more + 1:
+                rows.setdefault(int(words[0]), b"".join(block))
+    return rows
 
 
 def _lines(folder: Path, name: str) -> Iterator[bytes]:

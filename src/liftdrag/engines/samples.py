@@ -18,11 +18,15 @@ MOST_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Ran:
-    """How a run ended: `status` of `dem`, steps done, deepest overlap over the smaller radius."""
+    """How a run ended: `status` of `dem`, steps done, deepest overlap over the smaller radius.
+
+    `before` are the steps of the sessions before.
+    """
 
     status: int
     steps: int
     deepest: float
+    before: int = 0
 
     @property
     def evidence(self) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from liftdrag.engines.base import Enough
 from liftdrag.errors import InputError
+from liftdrag.files import text
 from liftdrag.series import Series
 
 STOP = "STOP"
@@ -31,6 +32,15 @@ LEAST_S, MOST_S = 1.0, 20.0
 def stop_files(fill: int) -> tuple[str, str]:
     """The deck and the file that end the average of a fill, numbered from 1 on."""
     return f"stop-{fill}.lmp", f"{STOP}-{fill}"
+
+
+def go_on(folder: Path, files: tuple[str, str] = (STOP_DECK, STOP)) -> None:
+    """Take back that liftdrag had enough; what somebody else asked for stands."""
+    deck, stop = (folder / name for name in files)
+    if stop.exists() and text(stop) == PRECISION:
+        if deck.exists():
+            deck.write_text(GO, "utf-8")
+        stop.unlink()
 
 
 class Stopper:
@@ -65,7 +75,7 @@ class Stopper:
         return len(series) > 1 and enough(series.first(len(series) - 1))
 
     def _stop(self) -> None:
-        for name, text in zip(self._files, (ENOUGH, PRECISION), strict=True):
+        for name, content in zip(self._files, (ENOUGH, PRECISION), strict=True):
             beside = self._folder / f"{name}.part"
-            beside.write_text(text, "utf-8")
+            beside.write_text(content, "utf-8")
             beside.replace(self._folder / name)

@@ -9,6 +9,7 @@ from math import ceil, inf, pi, sqrt
 from liftdrag import granular, hertz
 from liftdrag.errors import CaseError, at_least, at_most
 from liftdrag.granular import GRAVITY
+from liftdrag.numerics.restarts import restart_every
 from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import JanssenScene
 
@@ -125,6 +126,7 @@ class JanssenNumerics(Numerics):
     profile_every: Value[int]
     block_every: Value[int]
     progress_every: Value[int]
+    restart_every: Value[int]
     bin_height: Value[float]
     bins: Value[int]
     skin: Value[float]
@@ -166,6 +168,13 @@ def derive(scene: JanssenScene, ranks: int = 1) -> JanssenNumerics:
         profile_every=Value(block // PROFILES, "steps", f"{PROFILES} profiles in a block"),
         block_every=Value(block, "steps", f"profiles averaged, {BLOCKS} blocks in an average"),
         progress_every=Value(block, "steps", "the log shows progress once a block"),
+        restart_every=restart_every(
+            scene.numerics.restart_every,
+            scene.grain_count,
+            SPEED_HINT * ranks / scene.grain_count,
+            block,
+            "blocks",
+        ),
         bin_height=Value(height, "m", "2 d, of the profiles"),
         bins=Value(ceil(_highest(scene) / height), "1", "bins of the profiles to the top"),
         skin=_skin(scene),

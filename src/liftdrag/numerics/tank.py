@@ -9,6 +9,7 @@ from math import ceil, pi, sqrt
 from liftdrag import granular, hertz
 from liftdrag.errors import CaseError
 from liftdrag.granular import GRAVITY
+from liftdrag.numerics.restarts import restart_every
 from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import TankScene
 from liftdrag.scene.tank import SETTLED_FRACTION, TRANSIENT
@@ -47,15 +48,6 @@ DEEPEST = 0.5
 """Overlap in grain diameters at which a grain is no grain any more."""
 
 MAX_STEPS = 2_000_000_000
-
-RESTART_S = 60.0
-"""Seconds of a run between two restart files, where these are written fast."""
-
-RESTART_SHARE = 0.01
-"""Of the time of a run, at most this is spent on writing restart files."""
-
-RESTART_SPEED = 100_000.0
-"""Grains whose state is written in a second: 0.4 kB each, to a slow disk."""
 
 SPEED_HINT = 4e6
 """Grain-steps per second of one core, for the estimate of the cost."""
@@ -125,7 +117,13 @@ def derive(scene: TankScene, ranks: int = 1, settled: bool = False) -> TankNumer
             max(drive.value // 200, 1), "steps", "the log shows progress 200 times a run"
         ),
         look_every=Value(50, "steps", "a settling bed is looked at often enough to end early"),
-        restart_every=_restart_every(scene, row.value, ranks),
+        restart_every=restart_every(
+            scene.numerics.restart_every,
+            _grains(scene),
+            SPEED_HINT * ranks / _grains(scene),
+            row.value,
+            "rows",
+        ),
         skin=_skin(scene),
         sort_every=Value(1000, "steps", "a bed moves as a block: its order in memory lasts"),
         processors=grid,
@@ -316,21 +314,6 @@ def _fields_every(scene: TankScene, drive_steps: int) -> Value[int] | None:
     steps = int((1.0 - transient) * drive_steps / scene.fields.snapshots)
     reason = f"{scene.fields.snapshots} times after the first {TRANSIENT:g} D: grains and contacts"
     return Value(max(steps, 1), "steps", reason)
-
-
-def _restart_every(scene: TankScene, row: int, ranks: int) -> Value[int]:
-    chosen = scene.numerics.restart_every
-    if chosen is not None:
-        return Value(row * ceil(chosen / row), "steps", "set by hand, in whole rows")
-    grains = _grains(scene)
-    writing = grains / RESTART_SPEED
-    apart = max(RESTART_S, writing / RESTART_SHARE)
-    steps = apart * SPEED_HINT * ranks / grains
-    return Value(
-        row * max(round(steps / row), 1),
-        "steps",
-        f"a restart file every {apart:.0f} s or so: {100.0 * writing / apart:.1g} % of a run",
-    )
 
 
 def _skin(scene: TankScene) -> Value[float]:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+LONG = 8
+"""Letters of a name that takes the room of more than its bar."""
+
+
 @dataclass(frozen=True)
 class Axes:
     """What the axes show, which of "x" and "y" are logarithmic, and levels with their labels."""
@@ -53,7 +57,8 @@ def draw_bars(
             names.append(run)
             place += 0.9
         place += 0.5
-    panel.set_xticks(ticks, names)
+    long = max(map(len, names)) > LONG
+    panel.set_xticks(ticks, names, rotation=30 if long else 0, ha="right" if long else "center")
     _finish(figure, panel, title, axes, quantities[names[0]].unit, path)
 
 

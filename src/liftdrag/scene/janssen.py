@@ -130,6 +130,7 @@ class PistonChoices(Part):
     time_step: Time | None = None
     skin: Length | None = None
     settle_time: Time | None = None
+    restart_every: Annotated[int, Field(ge=1, le=2_000_000_000)] | None = None
     overlap_bound: Annotated[float, Field(ge=1e-6, le=0.05)] | None = None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from liftdrag.analysis.precision import Deviation
@@ -25,6 +25,9 @@ HEATED = 2.0
 
 CAUSES = ("lost", "not finite", "overlap", "energy", "balance", "answer", "failed")
 """What breaks a run, the gravest first."""
+
+DOUBT = "answer?"
+"""Said of an answer that seems another."""
 
 REFUSED = "refused"
 """What liftdrag does not begin with: no break."""
@@ -63,12 +66,21 @@ class Tried:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run: its `causes`, none when nothing broke, and `deviations` by quantity."""
+    """What became of a run: its `causes`, none when nothing broke, and `deviations` by quantity.
+
+    It is `doubtful` when its answer seems another, and the runs are too few to say so.
+    """
 
     tried: Tried
     causes: tuple[str, ...]
     heating: float | None
     deviations: Mapping[str, Deviation]
+    doubtful: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Its causes in a line; that of one in doubt has a question mark."""
+        return ", ".join([*self.causes, *([DOUBT] if self.doubtful else [])])
 
     @property
     def broken(self) -> bool:
@@ -80,8 +92,15 @@ def outcomes(tried: Sequence[Tried], tolerances: Mapping[str, float]) -> list[Ou
     """What became of each run, against those of the case itself; relative errors are tolerated."""
     runs, energy = [one.run for one in tried], _own_energy(tried)
     found, counts = deviations_of(runs, tolerances), Counter(run.key for run in runs)
-    sure = {key for key in shifted(found, tolerances) if counts[key] >= RUNS}
-    return [_outcome(one, found[one.run.key], energy, one.run.key in sure) for one in tried]
+    other = shifted(found, tolerances)
+    sure = {key for key in other if counts[key] >= RUNS}
+    return [
+        replace(
+            _outcome(one, found[one.run.key], energy, one.run.key in sure),
+            doubtful=one.run.key in other - sure,
+        )
+        for one in tried
+    ]
 
 
 def deviations_of(

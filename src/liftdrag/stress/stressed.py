@@ -13,7 +13,7 @@ from liftdrag.bench.runs import Run, Stand
 from liftdrag.case import Case
 from liftdrag.numerics.bounds import Bounds, bounds_of
 from liftdrag.stress.axes import share_of
-from liftdrag.stress.outcome import REFUSED, Outcome, Tried, axis_of, outcomes
+from liftdrag.stress.outcome import DOUBT, REFUSED, Outcome, Tried, axis_of, outcomes
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class Margin:
         held = f"The time step holds {self.times:.2g} times the case's own, {self.own:.3g}"
         if self.breaks is None:
             return f"{held}: nothing that was begun broke, up to {self.largest:.3g}."
-        following = f"the next that was run, {self.breaks:.3g}, breaks"
+        verb = "seems to break" if self.cause == DOUBT else "breaks"
+        following = f"the next that was run, {self.breaks:.3g}, {verb}"
         return f"{held}: {self.largest:.3g} does, {following} ({self.cause})."
 
 
@@ -83,12 +84,12 @@ class Stressed:
         if not any(one.tried.run.key == CASE and not one.broken for one in self.outcomes):
             return None
         whole = [(share, one) for share, one in steps if REFUSED not in one.causes]
-        first = next(((share, one) for share, one in whole if one.broken), None)
+        first = next(((share, one) for share, one in whole if one.broken or one.doubtful), None)
         good = [share for share, _ in whole if first is None or share < first[0]]
         largest = max(good, default=own)
         if first is None:
             return Margin(own, largest, None, "")
-        return Margin(own, largest, first[0], ", ".join(first[1].causes))
+        return Margin(own, largest, first[0], first[1].verdict)
 
     def share(self, one: Outcome) -> float | None:
         """Where a run lies on its axis, None for one of the case itself."""
@@ -108,7 +109,7 @@ class Stressed:
                 "share": self.share(one),
                 "status": run.status,
                 "broken": one.broken,
-                "causes": ", ".join(one.causes),
+                "causes": one.verdict,
                 "reason": run.reason,
                 "agitation over the case's, energy": one.heating,
                 **dict(_invariant_columns(one.tried)),

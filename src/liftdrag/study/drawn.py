@@ -7,7 +7,7 @@ from pathlib import Path
 
 from liftdrag.pictures.study import Axes, Line, draw_bars, draw_lines
 from liftdrag.study.carried import Answer
-from liftdrag.study.plan import Picture, Plan
+from liftdrag.study.plan import Picture, Plan, is_quantity
 from liftdrag.study.points import Point, expanded
 
 
@@ -68,7 +68,13 @@ def _draw_lines(
 def _lines(
     name: str, group: Sequence[Point], against: str
 ) -> Iterator[tuple[str, Sequence[Point]]]:
-    """The points of a group that differ in no key of their grid but this one, with a label."""
+    """The points of a group that differ in no key of their grid but this one, with a label.
+
+    Against what was measured they are one line.
+    """
+    if is_quantity(against):
+        yield name, group
+        return
     found = dict[str, list[Point]]()
     for point in group:
         others = [f"{key} = {value}" for key, value in point.grid.items() if key != against]
