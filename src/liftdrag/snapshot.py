@@ -1,4 +1,4 @@
-"""`Snapshot`: where the grains are and how fast they move, at one time."""
+"""`Snapshot`: where the grains are and how fast they move, at one time, and `ForceSnapshot`."""
 
 from __future__ import annotations
 
@@ -19,3 +19,19 @@ class Snapshot:
     position: np.ndarray
     velocity: np.ndarray
     angle: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class ForceSnapshot:
+    """Grains at `time` (s) and the forces on them, in N.
+
+    `position`, `velocity` and `wall` (n, 3), the force of the cylinder on each grain; `pair`
+    (m, 2) two grains in contact by their rows, `force` (m, 3) that of the second on the first.
+    """
+
+    time: float
+    position: np.ndarray
+    velocity: np.ndarray
+    wall: np.ndarray
+    pair: np.ndarray
+    force: np.ndarray

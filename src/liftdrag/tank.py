@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from liftdrag import beds
+from liftdrag import beds, fields
 from liftdrag.analysis.invariants import check_sound, tank_invariants, watched
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.analysis.stopping import Stopping, missed
@@ -144,20 +144,24 @@ def enough_for(scene: TankScene, engine: Engine, record: Record, folder: Path) -
 def answered(folder: Path, case: Case, record: Record, result: dict[str, Any]) -> Result:
     """The answers from the files in the folder, written to `result.json` and as pictures."""
     series, found, last = _read(folder, scene_of(case), record)
-    result = result | _reported(found, record, series)
+    mapped = fields.read(folder, scene_of(case), record.plan, series, found)
+    found = fields.told(scene_of(case), found, mapped)
+    result = result | _reported(found, record, series) | fields.recorded(found, mapped)
     result["warnings"] += missed(scene_of(case).targets, found.quantities, "drive.distance")
     beds = engine_called(record.engine).snapshots(record.plan, folder)
     result = watched(result, tank_invariants(scene_of(case), series, beds))
+    files: tuple[str, ...] = FILES
     try:
         series.to_pandas().to_csv(folder / "series.csv")
         write_json(folder / RESULT, result)
         pictures.draw_forces(scene_of(case), series, found, folder / "forces.png")
         for snapshot in last:
             pictures.draw_bed(scene_of(case), snapshot, folder / "bed.png")
+        files = (*FILES, *fields.write(folder, scene_of(case), found, mapped))
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *result["warnings"]]
     check_sound(result)
-    return Result(folder, result, found.quantities, series, found.window, FILES)
+    return Result(folder, result, found.quantities, series, found.window, files)
 
 
 def _read(

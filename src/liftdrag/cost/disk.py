@@ -23,6 +23,9 @@ TRAJECTORY = 120.0
 RESTARTS = 1000.0
 """Bytes of a grain in three restart files: 270 in each of a small bed."""
 
+FIELDS = 320.0
+"""Bytes of a grain, its two contacts and its wall force in a snapshot for the fields."""
+
 HEIGHT = 12.0
 """Bytes of a grain of the surface."""
 
@@ -53,10 +56,12 @@ def _tank(scene: TankScene, numerics: TankNumerics, dump: bool) -> float:
     steps, left, right = numerics.drive_steps.value, *scene.far_field
     frames = steps / numerics.snapshot_every.value + 2.0
     moments = steps / numerics.trajectory_every.value if dump else 0.0
+    every = numerics.fields_every
+    fields = FIELDS * (steps / every.value + 1.0) if every else 0.0
     far = (right - left) / scene.tank.length * steps / numerics.surface_every.value
     grains = numerics.grain_steps.value / (numerics.settle_steps.value + steps)
     kept = RESTARTS if numerics.restart_every.value < steps else 0.0
-    of_grain = DECK + FRAME * frames + TRAJECTORY * moments + HEIGHT * far + kept
+    of_grain = DECK + FRAME * frames + TRAJECTORY * moments + fields + HEIGHT * far + kept
     return grains * of_grain + ROW * steps / numerics.row_every.value
 
 

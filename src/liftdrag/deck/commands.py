@@ -68,6 +68,15 @@ RESTARTS = (
 """Whole commands that write the state of a run and read it again."""
 
 
+CONTACTS = (
+    r"compute pair_grains all property/local patom1 patom2 cutoff radius"
+    r"|compute pair_forces all pair/local fx fy fz p1 p2 p3 cutoff radius"
+    r"|compute pairs all pair/gran/local id force"
+    r"|dump contacts all local [0-9]+ contacts\.dump( c_pair(s|_grains|_forces)\[[1-6]\])+"
+)
+"""Whole commands that write the contacts of a tank."""
+
+
 @dataclass(frozen=True)
 class Rules:
     """What a deck may hold beside ANY: commands, the names of its files, and whole commands."""
@@ -83,8 +92,9 @@ def _rules(commands: str, files: str, whole: str = r"\0") -> Rules:
 
 _TANK = _rules(
     "if label reset_timestep unfix velocity write_dump",
-    "bed.dat forces.dat grains.data settled.dump snapshots.dump surface.dump trajectory.dump",
-    rf"include stop\.lmp|jump SELF (settle|drive)|{RESTARTS}",
+    """bed.dat fields.dump forces.dat grains.data settled.dump snapshots.dump surface.dump
+    trajectory.dump""",
+    rf"include stop\.lmp|jump SELF (settle|drive)|{RESTARTS}|{CONTACTS}",
 )
 
 _COLUMN = (

@@ -70,6 +70,7 @@ def build(
         "settled": bed.settled,
         "stoppable": scene.stop is not None,
         "trajectory_every": numerics.trajectory_every.value if dump else 0,
+        "fields_every": numerics.fields_every.value if numerics.fields_every else 0,
     }
     runs = _runs(scene, numerics, dialect)
     texts = dict(_decks(context, dialect, runs)) | {"grains.data": _data_file(scene, bed)}

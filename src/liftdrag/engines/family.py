@@ -246,7 +246,9 @@ def read_dump(path: Path) -> Iterator[tuple[int, np.ndarray]]:
 def _frame(header: Sequence[str], path: Path) -> tuple[int, int, int]:
     """The step, the rows and the columns that the nine lines above a frame name."""
     step, count = header[1].strip(), header[3].strip()
-    if not header[8].startswith("ITEM: ATOMS") or not (step.isdecimal() and count.isdecimal()):
+    if not header[8].startswith(("ITEM: ATOMS", "ITEM: ENTRIES")) or not (
+        step.isdecimal() and count.isdecimal()
+    ):
         raise ValueError(f"{path}: no head of a frame at {header[0].strip()[:60]!r}")
     return int(step), int(count), len(header[8].split()) - 2
 

@@ -25,7 +25,7 @@ MARK = b"LammpS RestartT\0"
 _KEPT = re.compile(r"^LIFTDRAG KEPT (\S+) at step (\d+)$", re.MULTILINE)
 """What LIGGGHTS says of a restart file once it is whole."""
 
-ANSWERED_FROM = ("surface.dump", "snapshots.dump")
+ANSWERED_FROM = ("surface.dump", "snapshots.dump", "fields.dump", "contacts.dump")
 DUMPS = (*ANSWERED_FROM, "trajectory.dump")
 
 _HEAD = 8

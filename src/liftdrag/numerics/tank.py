@@ -12,7 +12,7 @@ from liftdrag.granular import GRAVITY
 from liftdrag.numerics.restarts import restart_every
 from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import TankScene
-from liftdrag.scene.tank import SETTLED_FRACTION
+from liftdrag.scene.tank import SETTLED_FRACTION, TRANSIENT
 
 STEP_FRACTION = 0.15
 """Time step over the smaller of the Rayleigh and Hertz times."""
@@ -81,6 +81,7 @@ class TankNumerics(Numerics):
     grip: Value[float]
     grain_steps: Value[float]
     core_hours: Value[float]
+    fields_every: Value[int] | None = None
 
 
 def derive(scene: TankScene, ranks: int = 1, settled: bool = False) -> TankNumerics:
@@ -135,6 +136,7 @@ def derive(scene: TankScene, ranks: int = 1, settled: bool = False) -> TankNumer
             "h",
             f"at {SPEED_HINT:.0e} grain-steps per second on one core",
         ),
+        fields_every=_fields_every(scene, drive.value),
         warnings=tuple(_warnings(scene, dt, rayleigh.value, impact.value, overlap, inertial, grip)),
     )
 
@@ -303,6 +305,15 @@ def _surface_every(scene: TankScene, row: int, dt: float) -> Value[int]:
 def _trajectory_every(scene: TankScene, dt: float) -> Value[int]:
     steps = 0.2 * scene.intruder.diameter / (scene.drive.speed * dt)
     return Value(max(round(steps), 1), "steps", "with --dump, a frame every 1/5 D to look at")
+
+
+def _fields_every(scene: TankScene, drive_steps: int) -> Value[int] | None:
+    if scene.fields is None:
+        return None
+    transient = TRANSIENT * scene.intruder.diameter / scene.drive.distance
+    steps = int((1.0 - transient) * drive_steps / scene.fields.snapshots)
+    reason = f"{scene.fields.snapshots} times after the first {TRANSIENT:g} D: grains and contacts"
+    return Value(max(steps, 1), "steps", reason)
 
 
 def _skin(scene: TankScene) -> Value[float]:

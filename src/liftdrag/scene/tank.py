@@ -74,6 +74,18 @@ class Drive(Part):
     distance: Length
 
 
+class FieldTable(Part):
+    """How often grains and contacts are kept for fields, and what these are averaged over.
+
+    `snapshots` over the drive once the flow may be steady; `window` is the radius of the sphere
+    about a point, `spacing` the most between two points, a grain diameter each where not given.
+    """
+
+    snapshots: Annotated[int, Field(ge=8, le=10_000)] = 40
+    window: Length | None = None
+    spacing: Length | None = None
+
+
 class TankScene(Part):
     """Everything that the drag and the lift on the cylinder depend on. Lengths in metres."""
 
@@ -85,6 +97,7 @@ class TankScene(Part):
     lid: Lid | None = None
     drive: Drive
     stop: Stop | None = None
+    fields: FieldTable | None = None
     numerics: Choices = Choices()
 
     @property
@@ -154,6 +167,7 @@ class TankScene(Part):
         _check_tank(self)
         _check_lid(self)
         _check_drive(self)
+        _check_fields(self)
         return self
 
 
@@ -256,4 +270,32 @@ def _check_drive(scene: TankScene) -> None:
             scene.drive.distance,
             f"the flow is steady after {TRANSIENT:g} intruder diameters, and little is left",
             f"make it at least {least:.6g} m",
+        )
+
+
+def _check_fields(scene: TankScene) -> None:
+    if scene.fields is None:
+        return
+    d = scene.grains.diameter
+    window, spacing = scene.fields.window or d, scene.fields.spacing or d
+    if _under(window, d / 2.0):
+        raise CaseError(
+            "fields.window",
+            window,
+            "a window smaller than a grain sees one grain or none",
+            f"make it at least half a grain diameter, {d / 2.0:.6g} m",
+        )
+    if _under(scene.tank.length / 8.0, window):
+        raise CaseError(
+            "fields.window",
+            window,
+            "a window across a quarter of the tank's length shows nothing",
+            f"make it at most {scene.tank.length / 8.0:.6g} m; the paper's is a grain diameter",
+        )
+    if _under(spacing, d / 8.0) or _under(window, spacing):
+        raise CaseError(
+            "fields.spacing",
+            spacing,
+            "points so far apart miss grains, or are needlessly many",
+            f"make it {d / 8.0:.6g} to {window:.6g} m, the window's radius",
         )
