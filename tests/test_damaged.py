@@ -240,10 +240,9 @@ def test_number_cut_short_in_a_table_of_packings_is_not_read(tmp_path: Path):
 
 
 def test_bed_that_was_kept_is_whole_or_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("LIFTDRAG_BEDS", "on")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("LIFTDRAG_BEDS", str(tmp_path))
     beds._write("key", Bed(np.arange(6.0).reshape(2, 3), np.array([1, 2])))
-    (file,) = (tmp_path / "liftdrag" / "beds").iterdir()
+    (file,) = tmp_path.iterdir()
     whole = file.read_bytes()
     assert beds._read("key") is not None
     for end, byte in product(range(0, len(whole), 7), (b"", b"\0", whole[:-1])):

@@ -62,8 +62,12 @@ EXPERIMENTS = {
     "lid": under_lid("lid", True),
     "lid alone has weight": under_lid("weightless", False),
 }
-TEMPLATES = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.j2"))
-"""Every packaged template."""
+TEMPLATES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for path in ROOT.rglob("*.j2")
+    if not path.name.startswith("report.")
+)
+"""Every packaged template of a deck."""
 
 dialect = pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: dialect.name)
 experiment = pytest.mark.parametrize("case", EXPERIMENTS.values(), ids=EXPERIMENTS.keys())
