@@ -168,6 +168,6 @@ def how_on(record: Record, folder: Path, status: str) -> str:
 
 def resumable(record: Record) -> bool:
     """Whether a run that was cut short can go on."""
-    engines = {"tank": ("lammps", "lmp"), "janssen": ("dem",)}
+    engines = {"tank": ("lammps", "lmp"), "janssen": ("dem",), "shear": ()}
     scene = record.tables["scene"]
     return scene == "drag2d" or record.engine in engines[scene]

@@ -55,6 +55,18 @@ KNOWN = {
         "wall_sliding",
         "wall_rolling",
     ),
+    "shear": (
+        "shear_stress",
+        "pressure",
+        "bulk_friction",
+        "kinetic_share",
+        "normal_difference",
+        "fluctuation_energy",
+        "rotational_energy",
+        "order_parameter",
+        "stack_size",
+        "stacking_fraction",
+    ),
     "tank": ("drag", "lift", "drag_coefficient", "lift_coefficient", "solid_fraction"),
 }
 """What a study may claim or draw of each scene, whatever the engine."""

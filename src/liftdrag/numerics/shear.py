@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, pi, sqrt
 
+import numpy as np
+
 from liftdrag import hertz, liu
 from liftdrag.errors import CaseError, at_most
 from liftdrag.numerics.value import Numerics, Value
@@ -134,7 +136,7 @@ def expected_pressure(scene: ShearScene) -> float:
     least, most = liu.FRACTIONS
     found = liu.curve("pressure", min(max(scene.solid_fraction, least), most))
     assert found is not None
-    return scene.stress_scale * float(found(MEAN_ALIGNMENT))
+    return scene.stress_scale * float(found(np.array(MEAN_ALIGNMENT)))
 
 
 def expected_overlap(scene: ShearScene) -> float:
