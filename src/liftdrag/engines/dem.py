@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import inf
@@ -156,7 +156,7 @@ def _stopped_by(plan: Plan, folder: Path, steps: int) -> str:
 Deck = PlanarDeck | ColumnDeck | ShearDeck
 """What the engine runs."""
 
-_READERS = {
+_READERS: dict[str, Callable[[Path], Deck]] = {
     START: dem_column.read,
     SHEARED: dem_shear.read,
     NUMBERS: dem_planar.read,

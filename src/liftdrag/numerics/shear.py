@@ -22,10 +22,14 @@ STEP_BOUND = 0.3
 STEP_BREAKS = 1.0
 """The ratio beyond which a step is refused: a wave crosses a grain within it."""
 
-ROWS_PER_STRAIN = 50
-"""Samples of the stress in a strain of one."""
+ROWS_PER_STRAIN = 10
+"""Samples of the stress, means over the time between them, in a strain of one.
 
-ROWS_PER_FRAME = 10
+More of them would only show the noise of single contacts, in which the slow changes hide from the
+estimate of the correlation time.
+"""
+
+ROWS_PER_FRAME = 2
 """Samples between two looks at where the grains are and how they lie."""
 
 MOST_ROWS = 20_000

@@ -20,7 +20,7 @@ from liftdrag.snapshot import Snapshot
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CORNERS = 16
+CORNERS = 24
 """Of the polygon that an end is drawn as."""
 
 PIECES = 4
@@ -31,10 +31,10 @@ CAMERA = np.array([0.42, 0.38, 0.82])
 
 LIGHT = np.array([-0.35, 0.75, 0.56])
 
-DARKEST, FOG = 0.45, 0.35
+DARKEST, FOG = 0.55, 0.3
 """Brightness of a face that the light does not reach, and how much darker the farthest are."""
 
-PALETTE = np.array([[0.30, 0.52, 0.78], [0.93, 0.62, 0.25], [0.40, 0.66, 0.42], [0.75, 0.40, 0.45]])
+PALETTE = np.array([[0.42, 0.66, 0.93], [1.0, 0.72, 0.36], [0.52, 0.80, 0.55], [0.90, 0.53, 0.58]])
 """Colours of the species, by turns."""
 
 MILLI = 1e3

@@ -106,10 +106,13 @@ def draw_order(scene: ShearScene, found: ShearAnswers, path: Path) -> None:
     """Stresses against the order parameter, with the paper's curves (Figs. 16 and 17)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    for axes, name in zip(figure.subplots(1, 2), COMPARED, strict=True):
+    figure = Figure(figsize=(9.5, 4.4), layout="constrained")
+    row = figure.subplots(1, 2)
+    for axes, name in zip(row, COMPARED, strict=True):
         _draw_against_order(axes, scene, found, name)
-        axes.legend(frameon=False, fontsize="small")
+        axes.set_title(f"{name.replace('_', ' ')} {_text(found.quantities[name])}", loc="left")
+    figure.colorbar(row[0].collections[0], ax=row, label="strain")
+    figure.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.savefig(path, dpi=150)
 
 
@@ -117,8 +120,7 @@ def _draw_against_order(axes: Axes, scene: ShearScene, found: ShearAnswers, name
     """Blocks of the whole flow by their strain, the mean, and the curve where there is one."""
     at, stress = blocks(found.series, name)
     order = np.interp(at, found.structure["strain"], found.structure["order_parameter"])
-    points = axes.scatter(order, stress, c=at, s=12.0, cmap="viridis", label="blocks of a strain")
-    axes.figure.colorbar(points, ax=axes, label="strain")
+    axes.scatter(order, stress, c=at, s=12.0, cmap="viridis", label="mean over a strain of one")
     mean, alignment = found.quantities[name], found.quantities["order_parameter"]
     axes.errorbar(
         alignment.mean,
@@ -128,11 +130,11 @@ def _draw_against_order(axes: Axes, scene: ShearScene, found: ShearAnswers, name
         fmt="o",
         color="tab:red",
         capsize=2.5,
-        label=f"mean, {_text(mean)}",
+        label="mean over the steady flow",
     )
     curve = liu.curve(name, scene.solid_fraction)
     if curve is not None:
         grid = np.linspace(min(liu.ALIGNED, order.min()), max(0.95, order.max()), 100)
         axes.plot(grid, curve(grid), color="0.4", linestyle="--", label="Liu et al. 2020")
     axes.set(yscale="log", xlabel="order parameter")
-    axes.set_ylabel(f"{name.replace('_', ' ')} / $\\rho\\,d_v^2\\,\\dot\\gamma^2$")
+    axes.set_ylabel(r"stress / $\rho\,d_v^2\,\dot\gamma^2$")
