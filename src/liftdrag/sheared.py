@@ -42,7 +42,7 @@ def prepare(case: Case, ranks: int = 1) -> tuple[ShearNumerics, Deck]:
     """The numerics and the deck of a shear flow, its cell grown. Raises InputError."""
     scene = scene_of(case)
     numerics = derive(scene)
-    return numerics, build(scene, numerics, grown_cell(scene), ranks)
+    return numerics, build(scene, numerics, grown_cell(scene, ranks), ranks)
 
 
 def scene_of(case: Case) -> ShearScene:

@@ -18,7 +18,7 @@ AXES = {
     "tank": ("time_step", "stiffness", "speed", "length", "thickness", "height"),
     "drag2d": ("time_step", "stiffness", "speed", "width"),
     "janssen": ("time_step", "stiffness", "speed"),
-    "shear": ("time_step", "stiffness", "size"),
+    "shear": (),
 }
 """The choices that bias each scene's answers."""
 
@@ -32,7 +32,7 @@ JUDGED_AS = {
     },
     "drag2d": {"drag": "drag"},
     "janssen": {"apparent_mass": "apparent_mass", "saturation_mass": "saturation_mass"},
-    "shear": {"shear_stress": "shear_stress", "pressure": "pressure"},
+    "shear": {},
 }
 """Quantities that have a budget, and under which name a bench gives their relative bias."""
 

@@ -157,8 +157,8 @@ def _warnings(scene: ShearScene, found: dict[str, Quantity], window: SteadyWindo
     slow = [name for name in ("order_parameter", "stack_size") if not found[name].converged]
     if slow:
         yield (
-            f"The grains turn slowly: {' and '.join(slow)} come from fewer than "
-            f"{MINIMUM_CORRELATION_TIMES} correlation times, and their errors are guesses."
+            f"The grains turn slowly: few correlation times, under {MINIMUM_CORRELATION_TIMES}, of "
+            f"{' and '.join(slow)}, of which the error is a guess."
         )
     order = found["order_parameter"].mean
     if order < liu.ALIGNED and liu.curve("pressure", scene.solid_fraction) is not None:
