@@ -51,11 +51,12 @@ def on_face(r1, a1, r2, a2, x, y, z, s, c):
     """
     depth = a1 + a2 * c + r2 * s - z
     kind, ey = FACE_EDGE, y - a2 * s + r2 * c
-    if c <= PARALLEL and x < r1:
-        half = sqrt(r1 * r1 - x * x)
+    if c <= PARALLEL:
+        half = sqrt(max(r1 * r1 - x * x, 0.0))
         low, high = max(y - a2, -half), min(y + a2, half)
-        if low <= high:
-            kind, ey = FACE_BAND, 0.5 * (low + high)
+        kind, ey = FACE_BAND, 0.5 * (low + high)
+        if low > high:
+            ey = y - a2 if y > 0.0 else y + a2
     room = r1 - sqrt(x * x + ey * ey)
     return depth, kind, 0.0, 0.0, 1.0, x, ey, a1 - 0.5 * depth, proof(room, depth <= a1)
 
