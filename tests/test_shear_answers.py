@@ -30,7 +30,7 @@ TENSORS = {
 def sampled(scene: ShearScene, rows: int = 600, noise: float = 0.05) -> Series:
     """Those stresses with white noise, and energies of a grain of 0.5, 0.25 and 0.01."""
     rng, scale = np.random.default_rng(1), 2500.0 * (0.238e-3 * 100.0) ** 2
-    energy = scene.count * scene.mass * (0.238e-3 * 100.0) ** 2
+    energy = scene.grain_count * scene.mass * (0.238e-3 * 100.0) ** 2
     names = [f"{i}{j}" for i in "xyz" for j in "xyz"]
     channels = {
         f"{part}_{name}": scale * (value + noise * rng.normal(size=rows))

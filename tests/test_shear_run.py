@@ -64,8 +64,8 @@ def test_looks_begin_with_the_deck_and_never_leave_the_cell(made: Result):
     assert (np.abs(looks["position"] / sides - 0.5) < 0.6).all()
 
 
-def test_deck_runs_by_hand_on_two_threads_with_the_same_bits(made: Result, out: Path):
-    folder, text, command = build_deck(tiny(), out, ranks=2)
+def test_deck_runs_by_hand_with_the_same_bits(made: Result, out: Path):
+    folder, text, command = build_deck(tiny(), out)
     assert (made.folder / GRAINS).read_bytes() == (folder / GRAINS).read_bytes()
     assert "pi l_c / (0.3262 nu + 1.7532)" in text
     assert command == "python -m liftdrag.engines.dem ."

@@ -17,6 +17,7 @@ from liftdrag.errors import CaseError, InputError
 from liftdrag.numerics import ShearNumerics, derive
 from liftdrag.numerics.bounds import bounds_of
 from liftdrag.scene import ShearScene
+from liftdrag.study import read
 
 TINY = """
 scene = "shear"
@@ -90,7 +91,7 @@ def test_sides_of_a_species_have_the_volume_of_the_sphere(ratio: float, diameter
 def test_cell_of_the_paper_holds_what_its_solid_fraction_says():
     scene = scene_of(cell=PAPER | {"solid_fraction": 0.5})
     room = 30.25 * 30.25 * 15.13
-    assert scene.count == round(0.5 * room / (pi / 6.0))
+    assert scene.grain_count == round(0.5 * room / (pi / 6.0))
     assert scene.solid_fraction == pytest.approx(0.5, abs=1e-4)
     assert scene.sides == pytest.approx((30.25 * 0.238e-3, 30.25 * 0.238e-3, 15.13 * 0.238e-3))
 
@@ -239,3 +240,18 @@ def test_packaged_case_is_a_good_one(name: str):
     scene = load(name).scene
     assert isinstance(scene, ShearScene)
     assert derive(scene).warnings is not None
+
+
+def test_study_runs_what_its_names_say():
+    """nu050-c025 is a solid fraction of 0.5 and a quarter of rods of 6 among disks of 0.3."""
+    plan = read("liu2020/rods-and-disks")
+    for name, one in plan.runs.items():
+        case = load(one.case)
+        for key, value in (plan.set | one.set).items():
+            case = case.set(key, value)
+        scene = case.scene
+        assert isinstance(scene, ShearScene)
+        fraction, rods = (int(part[-3:]) / 100.0 for part in name.split("-"))
+        assert (scene.cell.solid_fraction, scene.rod_fraction) == (fraction, rods)
+        assert {one.aspect_ratio for one in scene.species} <= {6, 0.3}
+    assert len({one.set["seed"] for one in plan.runs.values()}) == len(plan.runs) == 20

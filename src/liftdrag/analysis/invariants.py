@@ -239,7 +239,7 @@ def column_invariants(
 
 def sheared_invariants(scene: ShearScene, sampled: Series) -> dict[str, Invariant]:
     """Overlap, over the least side of a grain; agitation, momentum and energy."""
-    bounds, mass = bounds_of(scene), scene.count * scene.mass
+    bounds, mass = bounds_of(scene), scene.grain_count * scene.mass
     speed = sqrt(2.0 * float(sampled["fluctuation"].max()) / mass)
     momentum = float(sampled["momentum"].max())
     return {

@@ -88,7 +88,7 @@ def normalised(scene: ShearScene, sampled: Series) -> Series:
     }
     kinetic, contact = stress["kinetic"], stress["contact"]
     pressures = {part: (one["xx"] + one["yy"] + one["zz"]) / 3.0 for part, one in stress.items()}
-    energy = scene.count * scene.mass * (scene.grains.diameter * scene.drive.shear_rate) ** 2
+    energy = scene.grain_count * scene.mass * (scene.grains.diameter * scene.drive.shear_rate) ** 2
     channels = {
         "strain": sampled.time * scene.drive.shear_rate,
         "shear_stress": -kinetic["xy"] - contact["xy"],

@@ -52,7 +52,7 @@ def _looked_at(scene: ShearScene, moment: Snapshot) -> dict[str, float]:
 
 
 def _of_all(scene: ShearScene, orders: list[float], found: list[Stacks]) -> dict[str, float]:
-    whole = Stacks(np.concatenate([made.sizes for made in found]), scene.count)
+    whole = Stacks(np.concatenate([made.sizes for made in found]), scene.grain_count)
     return {
         "order_parameter": float(np.average(orders, weights=scene.counts)),
         "stack_size": whole.mean_size,

@@ -52,7 +52,7 @@ def needed(scene: Scene, numerics: Numerics, dump: bool = False) -> float:
         steps = numerics.drive_steps.value
         looks = steps / numerics.frame_every.value + 1.0
         rows = 2.0 * ROW * steps / numerics.row_every.value
-        return REST + scene.count * (DECK + LYING * looks) + rows
+        return REST + scene.grain_count * (DECK + LYING * looks) + rows
     assert isinstance(numerics, JanssenNumerics)
     levels = numerics.levels
     rows = levels[-1].end / numerics.row_every.value

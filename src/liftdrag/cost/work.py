@@ -35,7 +35,7 @@ def work_of(scene: Scene, numerics: Numerics) -> Work:
         grains, steps = scene.grains.count + 1, numerics.drive_steps.value
         return Work(grains, steps, float(grains * steps), scene.ensemble.runs)
     if isinstance(scene, ShearScene) and isinstance(numerics, ShearNumerics):
-        return Work(scene.count, numerics.drive_steps.value, numerics.grain_steps.value)
+        return Work(scene.grain_count, numerics.drive_steps.value, numerics.grain_steps.value)
     assert isinstance(scene, JanssenScene)
     assert isinstance(numerics, JanssenNumerics)
     return Work(scene.grain_count, numerics.levels[-1].end, numerics.grain_steps.value)

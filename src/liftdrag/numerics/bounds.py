@@ -163,7 +163,7 @@ def _lever(scene: ShearScene) -> float:
 def _sheared_overlap(scene: ShearScene) -> float:
     """The largest of many contacts, and a meeting at the speed of the cell's upper side."""
     k, diameter = least_stiffness(scene), scene.grains.diameter
-    force = expected_pressure(scene) * diameter**2 * _largest(scene.count)
+    force = expected_pressure(scene) * diameter**2 * _largest(scene.grain_count)
     impact = hertz.impact_overlap(k, scene.mass / 2.0, agitation_bound(scene))
     return min((hertz.static_overlap(force, k) + impact) / least_side(scene), HALF_WAY)
 

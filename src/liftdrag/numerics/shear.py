@@ -78,7 +78,7 @@ def derive(scene: ShearScene) -> ShearNumerics:
     step, row_every, rows = _time_step(scene)
     steps, pressure = rows * row_every, expected_pressure(scene)
     overlap = expected_overlap(scene)
-    cost = float(scene.count * steps)
+    cost = float(scene.grain_count * steps)
     factor = scene.numerics.stiffness_factor
     return ShearNumerics(
         cell=Value(scene.sides, "m", _shape_reason(scene)),

@@ -17,7 +17,7 @@ def grown_cell(scene: ShearScene, threads: int = 1) -> Cylinders:
     """
     aspect = np.repeat([one.aspect_ratio for one in scene.species], scene.counts)
     radius, half_length = same_volume(aspect, scene.grains.diameter)
-    size, mass = np.array(scene.sides), np.full(scene.count, scene.mass)
+    size, mass = np.array(scene.sides), np.full(scene.grain_count, scene.mass)
     try:
         grains = grown(radius, half_length, mass, size, scene.seed, threads)
     except ValueError as error:

@@ -116,7 +116,7 @@ class ShearScene(Part):
         return self.grains.density * self.grain_volume
 
     @property
-    def count(self) -> int:
+    def grain_count(self) -> int:
         """Number of grains, the nearest to the solid fraction."""
         if self.cell.count is not None:
             return self.cell.count
@@ -126,11 +126,11 @@ class ShearScene(Part):
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Number of grains of each species: the nearest to the shares that sum to `count`."""
-        exact = [one.share * self.count for one in self.species]
+        """Number of grains of each species: the nearest to the shares that sum to `grain_count`."""
+        exact = [one.share * self.grain_count for one in self.species]
         found = [floor(number) for number in exact]
         order = sorted(range(len(exact)), key=lambda k: found[k] - exact[k])
-        for k in order[: self.count - sum(found)]:
+        for k in order[: self.grain_count - sum(found)]:
             found[k] += 1
         return tuple(found)
 
@@ -156,7 +156,7 @@ class ShearScene(Part):
     @property
     def solid_fraction(self) -> float:
         """That of the whole grains in the cell."""
-        return self.count * self.grain_volume / self.volume
+        return self.grain_count * self.grain_volume / self.volume
 
     @property
     def rod_fraction(self) -> float:
@@ -225,18 +225,18 @@ def _check_room(scene: ShearScene) -> None:
             if scene.cell.count is not None:
                 key, value, remedy = "cell.count", scene.cell.count, "take more grains"
             raise CaseError(key, value, "the longest grain would touch its own image", remedy)
-    if not FEWEST <= scene.count <= MOST:
+    if not FEWEST <= scene.grain_count <= MOST:
         raise CaseError(
             "cell.solid_fraction",
             scene.cell.solid_fraction,
-            f"the cell would hold {scene.count} grains",
+            f"the cell would hold {scene.grain_count} grains",
             f"choose sides for {FEWEST} to {MOST} grains",
         )
     if 0 in scene.counts:
         raise CaseError(
             "species",
             None,
-            f"of {scene.count} grains, a share is less than one",
+            f"of {scene.grain_count} grains, a share is less than one",
             "take a larger cell, or leave that species out",
         )
 
