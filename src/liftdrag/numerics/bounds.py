@@ -11,7 +11,7 @@ In a sheared cell the load is the pressure that the paper's flows had, and the o
 least side of a grain.
 
 **Agitation.** Nothing moves faster, against the mean and in the mean square, than what drives it
-or than a fall over which grains come together.
+or than a fall over which grains come together, or, sheared, by what kinetic theory has beside it.
 
 **Step.** `stability` has the limits. Two are given: the `earliest`, of a grain touched on all sides
 (12 spheres, 6 discs) by contacts as deep as the bound, under which nothing can break; and the
@@ -53,6 +53,11 @@ CONTACTS = 3.0
 
 HALF_WAY = 0.5
 """Overlap over the diameter of the smaller grain at which it is half-way through the other."""
+
+HEATED = 0.6
+"""Three times the root mean square speed of inelastic spheres in dilute shear flow, times the solid
+fraction and sqrt(1 - e^2), over rate x d: kinetic theory's work 5 sqrt(pi T)/96 rho d rate^2 for its
+loss (12/sqrt(pi)) (1 - e^2) rho fraction^2 T^1.5 / d."""
 
 WALTON_BRAUN = 0.8
 """Its tangential stiffness over the normal one in loading."""
@@ -106,7 +111,7 @@ def agitation_bound(scene: Scene) -> float:
     if isinstance(scene, JanssenScene):
         return max(scene.drive.speed or 0.0, _fall(GAP * scene.grains.diameter))
     if isinstance(scene, ShearScene):
-        return scene.drive.shear_rate * scene.sides[1]
+        return _heated(scene)
     return scene.drive.speed
 
 
@@ -158,6 +163,13 @@ def _lever(scene: ShearScene) -> float:
         inertia = length**2 / 12.0 + diameter**2 / 16.0
         levers.append(1.0 + max(length, diameter) ** 2 / 4.0 / inertia)
     return max(levers)
+
+
+def _heated(scene: ShearScene) -> float:
+    """Speed (m/s) of the cell's upper side, and that to which a dilute gas of spheres is heated."""
+    dissipated = scene.solid_fraction * sqrt(1.0 - scene.grains.restitution**2)
+    heated = HEATED * scene.grains.diameter / dissipated
+    return scene.drive.shear_rate * (scene.sides[1] + heated)
 
 
 def _sheared_overlap(scene: ShearScene) -> float:

@@ -33,13 +33,16 @@ SHARES = 1e-6
 
 
 class Cylinders(Part):
-    """What all grains are made of, and the `diameter` of the sphere of their volume, d_v."""
+    """What all grains are made of, and the `diameter` of the sphere of their volume, d_v.
+
+    Elastic grains would be heated by the shear for ever.
+    """
 
     diameter: Length
     density: Density
     youngs_modulus: Modulus
     poisson_ratio: Annotated[float, Field(ge=0.0, lt=0.5)]
-    restitution: Annotated[float, Field(gt=0.0, le=1.0)]
+    restitution: Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
 class Species(Part):
