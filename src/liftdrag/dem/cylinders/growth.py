@@ -18,8 +18,11 @@ from liftdrag.dem.law import HertzMindlin, hertz_mindlin
 SMALL = 0.25
 """Size over their own at which the grains are placed, at random."""
 
-STAGES = 200
-"""Stages in which they grow, by equal lengths."""
+LARGEST, SMALLEST = 0.01, 5e-5
+"""How much they grow in a stage, over their size: less when that heats them, and then more."""
+
+WARM, HOT = 1.2, 4.0
+"""Energy over what it was before a stage: when they grow too fast, and when they are stuck."""
 
 STAGE_STEPS = 40
 
@@ -32,8 +35,11 @@ SPARE = 0.004
 GIVE = 0.03
 """Overlap of two that meet, over the smallest of their extents."""
 
-PER_MEETING = 15
+PER_MEETING = 20
 """Time steps in the time for which they touch."""
+
+
+MISFIT = "the grains do not fit into the box: they press on each other"
 
 
 def grown(
@@ -49,26 +55,38 @@ def grown(
     `size` (3,) of the box in m; each argument is (n,) else. Raises ValueError where they do not
     fit.
     """
-    rng = np.random.default_rng(seed)
-    grains, cell = sown(radius, half_length, size, rng), Cell(np.asarray(size, float))
-    for scale in np.linspace(SMALL, 1.0 + SPARE, STAGES):
-        grains = warmed(
-            stage(scaled(grains, radius, half_length, scale), cell, 1.0, threads).grains
-        )
+    cell = Cell(np.asarray(size, float))
+    grains = swollen(
+        sown(radius, half_length, cell.size, np.random.default_rng(seed)), cell, threads
+    )
     for _ in range(REST_STAGES):
-        now = stage(grains, cell, 0.3, threads)
-        grains = now.grains
-        if now.overlap < SPARE and not len(touching(own(grains, radius, half_length), cell).pair):
+        now = stage(grains, cell, 0.5, threads)
+        grains, small = now.grains, scaled(now.grains, radius, half_length, 1.0)
+        if now.overlap < SPARE and len(touching(small, cell).pair) == 0:
             still = np.zeros_like(grains.position)
             return replace(
-                own(grains, radius, half_length), velocity=still, spin=still.copy(), mass=mass
+                small,
+                position=small.position % cell.size,
+                velocity=still,
+                spin=still.copy(),
+                mass=np.asarray(mass, float),
             )
-    raise ValueError("the grains do not fit into the box: they press on each other")
+    raise ValueError(MISFIT)
 
 
-def own(grains: Cylinders, radius: np.ndarray, half_length: np.ndarray) -> Cylinders:
-    """The grains at their own size."""
-    return scaled(grains, radius, half_length, 1.0)
+def swollen(grains: Cylinders, cell: Cell, threads: int) -> Cylinders:
+    """The grains grown from SMALL to SPARE more than their size."""
+    radius, half_length = grains.radius, grains.half_length
+    scale, growth = SMALL, LARGEST
+    while scale < 1.0 + SPARE:
+        scale = min(scale + growth, 1.0 + SPARE)
+        now = stage(scaled(grains, radius, half_length, scale), cell, 1.0, threads)
+        heat = 2.0 * (now.translational + now.rotational + now.elastic) / len(radius)
+        if growth <= SMALLEST and not heat < HOT:
+            raise ValueError(MISFIT)
+        growth = max(0.7 * growth, SMALLEST) if heat > WARM else min(1.1 * growth, LARGEST)
+        grains = warmed(now.grains)
+    return grains
 
 
 def scaled(
@@ -115,6 +133,6 @@ def stage(grains: Cylinders, cell: Cell, restitution: float, threads: int) -> Sa
 
 
 def soft(give: float, radius: float, restitution: float) -> HertzMindlin:
-    """The law of grains of this radius that meet at unit speed and mass, and overlap by `give` (m)."""
+    """The law of grains of a radius (m), unit mass and speed that overlap by `give` (m)."""
     stiffness = 5.0 * 0.5 * 1.0 / (4.0 * give**2.5) / np.sqrt(0.5 * radius)
     return hertz_mindlin(1.5 * stiffness, 0.0, restitution, 0.0)
