@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from liftdrag.dem.cylinders import Cell, Cylinders, same_volume, sheared
-from liftdrag.dem.cylinders.growth import grown
+from liftdrag.dem.cylinders import Cell, Cylinders, grown, same_volume, sheared
 from liftdrag.errors import CaseError
 from liftdrag.scene import ShearScene
 
