@@ -56,8 +56,8 @@ HALF_WAY = 0.5
 
 HEATED = 0.6
 """Three times the root mean square speed of inelastic spheres in dilute shear flow, times the solid
-fraction and sqrt(1 - e^2), over rate x d: kinetic theory's work 5 sqrt(pi T)/96 rho d rate^2 for its
-loss (12/sqrt(pi)) (1 - e^2) rho fraction^2 T^1.5 / d."""
+fraction and sqrt(1 - e^2), over rate x d: kinetic theory's work, 5 sqrt(pi T)/96 rho d rate^2, is
+its loss, (12/sqrt(pi)) (1 - e^2) rho fraction^2 T^1.5 / d."""
 
 WALTON_BRAUN = 0.8
 """Its tangential stiffness over the normal one in loading."""
