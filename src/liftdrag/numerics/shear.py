@@ -48,7 +48,7 @@ MEAN_ALIGNMENT = 0.5
 DEEP = 0.02
 """Overlap to expect, over the least side of a grain, from which on contacts are called soft."""
 
-SPEED_HINT = 1e6
+SPEED_HINT = 1.5e6
 """Grain-steps per second of one core, for the estimate of the cost."""
 
 
@@ -81,7 +81,7 @@ def derive(scene: ShearScene) -> ShearNumerics:
     cost = float(scene.grain_count * steps)
     factor = scene.numerics.stiffness_factor
     return ShearNumerics(
-        cell=Value(scene.sides, "m", _shape_reason(scene)),
+        cell=Value(tuple(float(f"{side:.4g}") for side in scene.sides), "m", _size_reason(scene)),
         counts=Value(scene.counts, "grains", "nearest to the shares, in the order of the species"),
         solid_fraction=Value(scene.solid_fraction, "1", "of the whole grains in the cell"),
         modulus=Value(
@@ -106,7 +106,7 @@ def derive(scene: ShearScene) -> ShearNumerics:
         overlap_ratio=Value(overlap, "1", "to expect, over the least side: load and impact"),
         grain_steps=Value(cost, "1", "grains times steps, their growth left out"),
         core_hours=Value(
-            cost / SPEED_HINT / 3600.0, "h", f"at {SPEED_HINT:.0e} grain-steps per second"
+            cost / SPEED_HINT / 3600.0, "h", f"at {SPEED_HINT:.1e} grain-steps per second"
         ),
         warnings=tuple(_warnings(scene, step.value, overlap)),
     )
@@ -189,7 +189,7 @@ def _rows(scene: ShearScene) -> int:
     return ROWS_PER_FRAME * ceil(wanted / ROWS_PER_FRAME)
 
 
-def _shape_reason(scene: ShearScene) -> str:
+def _size_reason(scene: ShearScene) -> str:
     if scene.cell.count is None:
         return "as given"
     return f"a cube of {scene.cell.count} grains at the solid fraction"
