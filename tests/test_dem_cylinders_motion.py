@@ -152,6 +152,20 @@ def test_stress_of_one_contact_is_force_times_way():
     assert flying.kinetic == pytest.approx(2.0 * np.outer([1, 2, 3], [1, 2, 3]) / 1e6, rel=1e-3)
 
 
+def test_a_normal_that_jumps_from_the_face_to_the_band_is_counted():
+    """An edge 0.03 within the rim of a face: when it is as deep, its contact is the band's."""
+    way = [0.97 + 0.3, 0.0, 0.58]
+    velocity = [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+    pair = cylinders([[0, 0, 0], way], [0, 0, 1], [1.0, 0.3], [0.1, 0.5], velocity, mass=1e6)
+    tilt = np.array([[0.0, 0.0, 1.0], [-0.001, 0.0, 1.0]])
+    pair = replace(pair, axis=tilt / np.linalg.norm(tilt, axis=1)[:, None])
+    before, after = islice(shear(pair, BIG, law_of(), 1e-3, 7, skin=0.5), 2)
+    assert (before.counts > 0.0).tolist() == [kind == "face-edge" for kind in KINDS]
+    assert before.jumps == 0.0
+    assert (after.counts > 0.0).tolist() == [kind in ("face-edge", "band-edge") for kind in KINDS]
+    assert after.jumps * 7 == pytest.approx(1.0)
+
+
 # Many, in a box.
 
 MIXED = np.resize([6.0, 0.3, 1.0, 0.1], 60)

@@ -1,7 +1,7 @@
 """The loop over the steps, and what is summed on the way.
 
 The pairs are in BLOCKS ranges of grains, each with forces of its own, which are summed in order:
-any number of threads gives the same bits.
+two threads or more all give the same bits.
 """
 
 from __future__ import annotations

@@ -24,12 +24,13 @@ class Sample:
 
     `kinetic` and `contact` (3, 3): the two parts of the stress tensor (Pa), positive in
     compression, from the velocities less those of the shear, and from force times way from
-    centre to centre. `counts` (7,): contacts by type, in the order of KINDS; `jumps`: contacts
-    whose normal turned by more than 11 degrees within one step, per step; all these are means.
-    `translational`, `rotational`, `elastic` (J): energies at the moment, the first of the
-    velocities less those of the shear. `overlap`: the largest on the way, over the smallest
-    radius or half length of the two. `status`: FINE, TOO_DEEP or NOT_FINITE, after which no more
-    come. `lists`: how often the neighbours were listed.
+    centre to centre (its first index is that of the force). `counts` (7,): contacts by type, in
+    the order of KINDS; `jumps`: contacts whose normal turned by more than 11 degrees in a step,
+    but for steps in which lists are made. `translational`, `rotational`, `elastic` (J): energies
+    at the moment, the first of the velocities less those of the shear. `overlap`: the largest on
+    the way, over the smallest radius or half length of the two. `status`: FINE, TOO_DEEP or
+    NOT_FINITE, after which no more come. `lists`: how often the neighbours were listed. Grains
+    may have left the box since, by a way less than its size.
     """
 
     grains: Cylinders
@@ -71,9 +72,11 @@ def shear(
 ) -> Iterator[Sample]:
     """Samples of the flow, one after every `every` steps of `time_step` (s), without end.
 
-    No friction: that of the law is not used. `skin` (m) of the neighbour lists, a fifth of the
-    smallest mean extent by default. The same bits for any number of threads. Raises ValueError
-    for numbers that make no sense, and where the box is not longer than the longest grain.
+    Hertz's force with the radii of the two cylinders, whatever touches, and without friction:
+    that of the law is not used. A sample is a state to go on from. `skin` (m) of the neighbour
+    lists, a fifth of the mean smaller extent by default. Two threads or more all give the same
+    bits. Raises ValueError for numbers that make no sense, and where the box is not longer than
+    the longest grain.
     """
     skin = default_skin(grains) if skin is None else skin
     check(grains, cell, time_step, every, skin, threads)
