@@ -67,6 +67,11 @@ _MEANINGS = {
     "stacking_fraction": "share of grains in stacks",
     "shear_stress_over_liu": "over the paper's at this order",
     "pressure_over_liu": "over the paper's at this order",
+    **{
+        f"{name}_{number}": f"of species {number} of the case"
+        for name in ("order_parameter", "stack_size", "stacking_fraction")
+        for number in (1, 2, 3)
+    },
 }
 
 
