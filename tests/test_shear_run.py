@@ -14,6 +14,7 @@ from test_shear_scene import tiny
 from liftdrag import sheared
 from liftdrag.arrays import read_arrays
 from liftdrag.bench import bench
+from liftdrag.case import load
 from liftdrag.deck.shear import CHANNELS, GRAINS, START, STRESSES
 from liftdrag.deck.tables import table
 from liftdrag.dem.cylinders import Cylinders
@@ -74,11 +75,12 @@ def test_deck_runs_by_hand_with_the_same_bits(made: Result, out: Path):
 
 
 def test_run_ends_when_its_stress_is_known_well_enough(out: Path):
-    case = tiny(stop={"quantity": "pressure", "relative_error": 0.3}, drive={"strain": 4.0})
+    stop = {"quantity": "bulk_friction", "relative_error": 0.3}
+    case = tiny(stop=stop, drive={"strain": 30.0})
     found = run(case, out)
     assert found.record["stopped_by"] == "precision"
-    assert found.series["strain"][-1] < 3.9
-    assert found.quantities["pressure"].standard_error < 0.3 * found.quantities["pressure"].mean
+    assert found.series["strain"][-1] < 29.0
+    assert found.quantities["bulk_friction"].n_independent >= 50
     assert not any("[stop]" in warning for warning in found.warnings)
 
 
@@ -223,3 +225,13 @@ def test_stress_of_two_disks_that_meet_head_on(tmp_path: Path):
     assert found["fluctuation"][-1] == pytest.approx(mass * speed**2, rel=1e-3)
     assert abs(found["contact_xy"]).max() < 1e-9 * found["contact_yy"].max()
     assert found["momentum"].max() < 1e-12 * mass * speed
+
+
+@pytest.mark.validate
+def test_dense_rods_flow_as_those_of_the_paper(out: Path):
+    """A stress and a pressure on the paper's curves, within four combined errors; S above 0.8."""
+    found = run(load("liu2020/rods").set("drive.strain", 40), out)
+    assert found.quantities["order_parameter"].mean > 0.8
+    for name in ("shear_stress", "pressure"):
+        assert abs(found.record["comparison"][name]["difference_in_errors"]) < 4.0
+        assert found.quantities[name].standard_error < 0.15 * found.quantities[name].mean
