@@ -74,7 +74,7 @@ def shear(
 
     Hertz's force with the radii of the two cylinders, whatever touches, and without friction:
     that of the law is not used. A sample is a state to go on from. `skin` (m) of the neighbour
-    lists, a fifth of the mean smaller extent by default. Two threads or more all give the same
+    lists, two fifths of the mean smaller extent by default. Two threads or more all give the same
     bits. Raises ValueError for numbers that make no sense, and where the box is not longer than
     the longest grain.
     """
@@ -122,8 +122,8 @@ def sample(grains: Cylinders, cell: Cell, time: float, found: Any) -> Sample:
 
 
 def default_skin(grains: Cylinders) -> float:
-    """A fifth of the mean of each grain's smaller of diameter and length (m)."""
-    return 0.4 * float(np.minimum(grains.radius, grains.half_length).mean())
+    """Two fifths of the mean of each grain's smaller of diameter and length (m)."""
+    return 0.8 * float(np.minimum(grains.radius, grains.half_length).mean())
 
 
 def check(

@@ -1,9 +1,8 @@
 """How cylinders move: velocity Verlet, with the free turning of a symmetric top in closed form.
 
 A free top turns about its angular momentum L at the rate |L| over its moment of inertia across
-the axis; that moves the axis exactly, and forces change L at once, so that the scheme is
-symplectic and of second order. What damps sees velocities brought forward by the last force, so
-that it is of second order too.
+the axis; that moves the axis exactly, and torques change L at once, so that the scheme is
+symplectic and of second order. Velocities in the contacts are those half a step before.
 """
 
 from __future__ import annotations
@@ -50,16 +49,16 @@ def set_spin(place, move, ease, i):
 
 
 @compiled(inline=True)
-def turn(place, move, ease, force, time_step, i):
-    """Turn the axis of grain i about its angular momentum half-way through a step."""
-    scale, half = time_step * ease[i, 1], 0.5 * time_step
-    x, y, z = (
-        scale * (move[i, 3] + half * force[i, 3]),
-        scale * (move[i, 4] + half * force[i, 4]),
-        scale * (move[i, 5] + half * force[i, 5]),
+def turn(place, move, angle, i):
+    """Turn the axis of grain i about its angular momentum, by this times that (rad)."""
+    place[i, 3], place[i, 4], place[i, 5] = turned(
+        place[i, 3],
+        place[i, 4],
+        place[i, 5],
+        angle * move[i, 3],
+        angle * move[i, 4],
+        angle * move[i, 5],
     )
-    ux, uy, uz = turned(place[i, 3], place[i, 4], place[i, 5], x, y, z)
-    place[i, 3], place[i, 4], place[i, 5] = ux, uy, uz
 
 
 @compiled(inline=True)
@@ -76,7 +75,7 @@ def farthest_of(place, origin, slide, middle, i):
 
 @compiled()
 def drift(place, move, ease, force, origin, time_step, slide, middle, low, high):
-    """Move the grains low to high by a step, and kick them by a whole one.
+    """Kick the grains low to high by half a step, and move them by one.
 
     `place` (n, 8) position, axis, radius and half length; `move` (n, 9) velocity, angular
     momentum and spin; `ease` (n, 3) one over the mass, one over the moment of inertia across,
@@ -86,12 +85,11 @@ def drift(place, move, ease, force, origin, time_step, slide, middle, low, high)
     """
     half, farthest = 0.5 * time_step, 0.0
     for i in range(low, high):
-        turn(place, move, ease, force, time_step, i)
         for a in range(3):
-            speed = half * ease[i, 0] * force[i, a]
-            place[i, a] += time_step * (move[i, a] + speed)
-            move[i, a] += 2.0 * speed
-            move[i, 3 + a] += time_step * force[i, 3 + a]
+            move[i, a] += half * ease[i, 0] * force[i, a]
+            move[i, 3 + a] += half * force[i, 3 + a]
+            place[i, a] += time_step * move[i, a]
+        turn(place, move, time_step * ease[i, 1], i)
         set_spin(place, move, ease, i)
         farthest = max(farthest, farthest_of(place, origin, slide, middle, i))
     return farthest
@@ -99,9 +97,9 @@ def drift(place, move, ease, force, origin, time_step, slide, middle, low, high)
 
 @compiled()
 def settle(place, move, ease, force, fresh, kick, low, high):
-    """Correct the last half kick (s) of the grains low to high: `fresh` forces for those used.
+    """Sum the `fresh` forces (b, n, 6) over b into those of the grains low to high, and kick them.
 
-    `fresh` (b, n, 6) is summed over b into `force`, and cleared.
+    By `kick` (s), half a step. The fresh forces are cleared.
     """
     for i in range(low, high):
         for a in range(6):
@@ -109,7 +107,7 @@ def settle(place, move, ease, force, fresh, kick, low, high):
             for b in range(len(fresh)):
                 total += fresh[b, i, a]
                 fresh[b, i, a] = 0.0
-            move[i, a] += kick * (ease[i, 0] if a < 3 else 1.0) * (total - force[i, a])
+            move[i, a] += kick * (ease[i, 0] if a < 3 else 1.0) * total
             force[i, a] = total
         set_spin(place, move, ease, i)
 

@@ -63,24 +63,28 @@ def cell_at(x, size, count):
 
 @compiled()
 def nearest_direction(place, i, j, dx, dy, dz, skin):
-    """Whether a pair may be nearer than the skin, and the direction that separates it most."""
-    distance = sqrt(dx * dx + dy * dy + dz * dz)
+    """Whether a pair may be nearer than the skin, and the direction that separates it most.
+
+    Of that from centre to centre, their axes, and the one that `meeting` finds, tried last.
+    """
     best, bx, by, bz = 1e300, 1.0, 0.0, 0.0
-    _, _, mx, my, mz, _, _, _ = contact_of(place, i, j, dx, dy, dz)
     for trial in range(4):
         if trial == 0:
-            nx, ny, nz = mx, my, mz
-        elif trial == 1:
-            nx, ny, nz = dx / distance, dy / distance, dz / distance
+            nx, ny, nz = dx, dy, dz
+        elif trial == 3:
+            _, _, nx, ny, nz, _, _, _ = contact_of(place, i, j, dx, dy, dz)
         else:
-            k = i if trial == 2 else j
+            k = i if trial == 1 else j
             nx, ny, nz = place[k, 3], place[k, 4], place[k, 5]
-            if nx * dx + ny * dy + nz * dz < 0.0:
-                nx, ny, nz = -nx, -ny, -nz
+        along, size = nx * dx + ny * dy + nz * dz, sqrt(nx * nx + ny * ny + nz * nz)
+        scale = 1.0 / size if along >= 0.0 else -1.0 / size
+        nx, ny, nz = nx * scale, ny * scale, nz * scale
         overlap = overlap_along(place, i, j, dx, dy, dz, nx, ny, nz)
         if overlap < best:
             best, bx, by, bz = overlap, nx, ny, nz
-    return best > -skin, bx, by, bz
+        if best <= -skin:
+            return False, bx, by, bz
+    return True, bx, by, bz
 
 
 @compiled(inline=True)
