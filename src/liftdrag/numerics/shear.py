@@ -37,8 +37,8 @@ MOST_ROWS = 20_000
 
 FEWEST_ROWS = 400
 
-SKIN = 0.15
-"""Neighbour skin over the diameter of the sphere of a grain's volume."""
+SKIN = 0.4
+"""Neighbour skin over the mean of each grain's smaller side, at which the engine is fastest."""
 
 MOST_STEPS = 2_000_000_000
 
@@ -198,15 +198,21 @@ def _size_reason(scene: ShearScene) -> str:
 def _skin(scene: ShearScene) -> Value[float]:
     chosen, diameter = scene.numerics.skin, scene.grains.diameter
     if chosen is None:
-        return Value(SKIN * diameter, "m", f"{SKIN} d_v")
+        return Value(SKIN * _mean_side(scene), "m", f"{SKIN} of the mean smaller side: fastest")
     if chosen > 2.0 * diameter:
         raise CaseError(
             "numerics.skin",
             chosen,
             "a neighbour skin wider than two grains only costs time",
-            f"choose at most {at_most(2.0 * diameter)} m; {SKIN} d_v is derived",
+            f"choose at most {at_most(2.0 * diameter)} m; {SKIN} of the mean smaller side is derived",
         )
     return Value(chosen, "m", "set by hand")
+
+
+def _mean_side(scene: ShearScene) -> float:
+    """The smaller of diameter and length (m), in the mean over all grains."""
+    smaller = [min(one.sides(scene.grains.diameter)) for one in scene.species]
+    return float(np.average(smaller, weights=scene.counts))
 
 
 def _warnings(scene: ShearScene, step: float, overlap: float) -> Iterator[str]:
