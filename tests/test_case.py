@@ -210,7 +210,10 @@ def test_each_wrong_key_has_its_own_sentence():
 @pytest.mark.parametrize("name", ["tnak", "", 3, ["tank"], True, None])
 def test_scene_that_does_not_exist_is_refused(name: object):
     error = refusal(CASE.set("scene", name))
-    assert (error.key, error.remedy) == ("scene", "choose one of 'tank', 'drag2d', 'janssen'")
+    assert (error.key, error.remedy) == (
+        "scene",
+        "choose one of 'tank', 'drag2d', 'janssen', 'shear'",
+    )
 
 
 @pytest.mark.parametrize(

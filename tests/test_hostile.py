@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import test_drag2d_scene
 import test_janssen_scene
+import test_shear_scene
 from conftest import TINY, tiny_tank
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -26,6 +27,7 @@ from liftdrag.cli import main
 from liftdrag.cost import check_means, disk, machine
 from liftdrag.deck import bodies, column, planar, tank
 from liftdrag.deck import drag2d as deck2d
+from liftdrag.deck import shear as sheared
 from liftdrag.deck.commands import ANY, DECKS, check_commands
 from liftdrag.deck.dialect import DIALECTS, Contact, Dialect
 from liftdrag.engines import engine
@@ -37,9 +39,14 @@ from liftdrag.folder import fresh
 from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import PackedColumn
 from liftdrag.result import Result
-from liftdrag.scene import SCENES, Drag2DScene, JanssenScene, TankScene
+from liftdrag.scene import SCENES, Drag2DScene, JanssenScene, ShearScene, TankScene
 
-TEXTS = {"tank": TINY, "janssen": test_janssen_scene.TINY, "drag2d": test_drag2d_scene.TINY}
+TEXTS = {
+    "tank": TINY,
+    "janssen": test_janssen_scene.TINY,
+    "drag2d": test_drag2d_scene.TINY,
+    "shear": test_shear_scene.TINY,
+}
 BASES = {name: tomllib.loads(text) for name, text in TEXTS.items()}
 KEYS = [(scene, key) for scene, model in SCENES.items() for key in keys(model)]
 
@@ -443,7 +450,13 @@ def planar_text(case: Case, dialect: Dialect, clump: int = 0) -> str:
     return "\n".join(planar.build(contact, bed, steps, dialect, case.name, "1").texts.values())
 
 
-TEXT_OF = {"tank": tank_text, "janssen": column_text, "drag2d": planar_text}
+def cell_text(case: Case, _dialect: Dialect) -> str:
+    scene = case.scene
+    assert isinstance(scene, ShearScene)
+    return sheared._text(scene, derive(scene), 1)
+
+
+TEXT_OF = {"tank": tank_text, "janssen": column_text, "drag2d": planar_text, "shear": cell_text}
 
 
 def bodies_text(wall: bodies.Wall | None, dialect: Dialect) -> str:
@@ -568,7 +581,7 @@ def test_run_without_the_memory_is_refused_unless_a_job_spreads_it(
     meminfo.write_text("MemTotal: 100 kB\nMemAvailable: 50 kB\n")
     monkeypatch.setattr(machine, "MEMINFO", meminfo)
     monkeypatch.setattr(tank, "random_bed", None)
-    for case in ("quick", "zhou/c1", "janssen/quick"):
+    for case in ("quick", "zhou/c1", "janssen/quick", "shear/quick"):
         said = refused("run", case, "--engine", "dem" if case != "quick" else "lammps")
         assert "GB of memory" in said
         assert "fewer grains or ranks" in said
@@ -593,7 +606,7 @@ def test_run_without_the_room_is_refused(
 ):
     monkeypatch.setattr(disk, "free", lambda _: 1_000_000)
     monkeypatch.setattr(tank, "random_bed", None)
-    for case in ("quick", "zhou/c1", "janssen/quick"):
+    for case in ("quick", "zhou/c1", "janssen/quick", "shear/quick"):
         said = refused("run", case, "--engine", "dem" if case != "quick" else "lammps")
         assert "are free at runs" in said
 

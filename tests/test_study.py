@@ -182,7 +182,8 @@ def test_study_that_does_not_exist_is_refused():
 
 def test_packaged_studies_name_cases_that_load():
     names = sorted(packaged())
-    assert names == ["janssen/mu_wall", "zhou/contact", "zhou/tables", "zhou/tables-20mm"]
+    zhou = ["zhou/contact", "zhou/tables", "zhou/tables-20mm"]
+    assert names == ["janssen/mu_wall", "liu2020/rods-and-disks", *zhou]
     for name in names:
         plan = read(name)
         seeds = [one.set["seed"] for one in plan.runs.values()]
@@ -194,7 +195,7 @@ def test_packaged_studies_name_cases_that_load():
             if name.startswith("zhou/"):
                 assert case.scene.ensemble.runs == 40
             else:
-                assert case.scene.scene == "janssen"
+                assert case.scene.scene == ("janssen" if name.startswith("janssen/") else "shear")
 
 
 def test_command_line_prints_points_and_claims(study: Path, out: Path):

@@ -179,9 +179,9 @@ def _model(tables: Mapping[str, Any]) -> type[Scene]:
 
 
 def _diameters(tables: Mapping[str, Any]) -> dict[str, float]:
-    """The two diameters that other lengths are multiples of, as far as they are readable."""
+    """The diameters that other lengths are multiples of, as far as they are readable."""
     known: dict[str, float] = {}
-    for symbol, table in (("d", "grains"), ("D", "intruder")):
+    for symbol, table in (("d", "grains"), ("d_v", "grains"), ("D", "intruder")):
         part = tables.get(table)
         if isinstance(part, dict) and "diameter" in part:
             known[symbol] = _diameter(f"{table}.diameter", part["diameter"], known)

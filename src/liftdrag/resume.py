@@ -23,7 +23,7 @@ from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
 from liftdrag.lock import held
 from liftdrag.result import Result, budgeted
 from liftdrag.runner import analyze, engine_for, run
-from liftdrag.scene import Drag2DScene, JanssenScene
+from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
 from liftdrag.tank import enough_for
 
 _log = logging.getLogger("liftdrag")
@@ -98,6 +98,7 @@ def _gone_on(
     if isinstance(case.scene, JanssenScene):
         _, found = piston.gone_through(case, engine, record, folder, progress, timeout_s)
         return budgeted(found, case, None)
+    assert isinstance(case.scene, TankScene)
     enough = enough_for(case.scene, engine, record, folder)
     carried_out(engine, record, folder, progress, enough, timeout_s)
     return analyze(folder)
@@ -108,6 +109,10 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
 
     Raises InputError when it cannot go on.
     """
+    if record.tables["scene"] == "shear":
+        raise InputError(
+            f"A shear flow keeps no state to go on from; remove {folder} and run again."
+        )
     _check_engine(record, engine, folder)
     if record.tables["scene"] == "drag2d":
         return record

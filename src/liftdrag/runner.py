@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from liftdrag import ensemble, piston, seal, tank
+from liftdrag import ensemble, piston, seal, sheared, tank
 from liftdrag.analysis.biases import read_biases
 from liftdrag.case import Case
 from liftdrag.deck.dialect import IN_HOUSE
@@ -25,7 +25,7 @@ from liftdrag.folder import (
 )
 from liftdrag.numerics import explained
 from liftdrag.result import Result, budgeted
-from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, ShearScene, TankScene
 
 
 def run(
@@ -42,8 +42,8 @@ def run(
 ) -> Result:
     """Run a case in the folder `out` and answer with averages and standard errors.
 
-    The engine is LAMMPS for a tank and a piston, `dem` in the plane and for contacts that no
-    other engine has, unless named; the ranks are one for a tank and a piston (threads of `dem`),
+    The engine is LAMMPS for a tank and a piston, `dem` in the plane, for a shear flow and for
+    contacts that no other engine has, unless named; the ranks are one (threads of `dem`)
     and as many as there are cores for an ensemble, whose runs are spread over them.
     Under `mpirun` the job's ranks are used. The folder keeps the deck, the series,
     the pictures and `result.json`, and with `dump` a trajectory; by default it is
@@ -64,6 +64,9 @@ def run(
     elif isinstance(case.scene, JanssenScene):
         _refuse_dump(dump, "a column leaves its profiles")
         found = piston.run(case, asked)
+    elif isinstance(case.scene, ShearScene):
+        _refuse_dump(dump, "a sheared cell leaves looks.npz")
+        found = sheared.run(case, asked)
     else:
         found = tank.run(case, asked)
     return budgeted(found, case, biases)
@@ -111,6 +114,10 @@ def build_deck(
         folder, filled, plan = piston.write_decks(case, chosen, ranks, out)
         here = f"{program} ." if chosen.dialect is IN_HOUSE else f"{program} -in {plan.start}"
         return folder, explained(filled), here
+    if isinstance(case.scene, ShearScene):
+        check_ranks(ranks)
+        folder, cell = sheared.write_decks(case, chosen, ranks, out)
+        return folder, explained(cell), f"{program} ."
     folder, numerics, plan = tank.write_decks(case, chosen, ranks, out)
     return folder, explained(numerics), f"{program} -in {plan.start}"
 
@@ -131,6 +138,8 @@ def analyze(folder: Path, bench: str | Path | None = None) -> Result:
         found = ensemble.answered(folder, case.scene, record, old)
     elif isinstance(case.scene, JanssenScene):
         found = piston.answered(folder, case.scene, record, old)
+    elif isinstance(case.scene, ShearScene):
+        found = sheared.answered(folder, case.scene, record, old)
     else:
         found = tank.answered(folder, case, record, old)
     return budgeted(found, case, biases)

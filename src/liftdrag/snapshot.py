@@ -11,7 +11,8 @@ import numpy as np
 class Snapshot:
     """Grains at `time` (s): `kind` (n,) type, `position` and `velocity` (n, 3) in m and m/s.
 
-    `angle` (n,) of the long axis (rad), where grains have one and the engine tells it.
+    `angle` (n,) of the long axis (rad), in the plane, or `axis` (n, 3), a unit vector, where
+    grains have one and the engine tells it.
     """
 
     time: float
@@ -19,6 +20,7 @@ class Snapshot:
     position: np.ndarray
     velocity: np.ndarray
     angle: np.ndarray | None = None
+    axis: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ AXES = {
     "tank": ("time_step", "stiffness", "speed", "length", "thickness", "height"),
     "drag2d": ("time_step", "stiffness", "speed", "width"),
     "janssen": ("time_step", "stiffness", "speed"),
+    "shear": (),
 }
 """The choices that bias each scene's answers."""
 
@@ -31,6 +32,7 @@ JUDGED_AS = {
     },
     "drag2d": {"drag": "drag"},
     "janssen": {"apparent_mass": "apparent_mass", "saturation_mass": "saturation_mass"},
+    "shear": {},
 }
 """Quantities that have a budget, and under which name a bench gives their relative bias."""
 

@@ -12,6 +12,10 @@ grains only lose it. Springs along the contact are not counted among what it hol
 test milder. Velocity Verlet keeps the energy of a spring to (omega dt)^2/4 of it, the bound.
 
 **Weight of a column.** Piston and tube carry it.
+
+**Momentum and energy of a sheared cell.** Contacts change no momentum, and leaving through a side
+none against the mean flow: what is left of it is rounding. The work of the shear, the shear stress
+times the rate and the volume, is more than the energy that the grains then hold.
 """
 
 from __future__ import annotations
@@ -32,9 +36,12 @@ from liftdrag.granular import GRAVITY
 from liftdrag.numerics import derive
 from liftdrag.numerics.bounds import Bounds, bounds_of
 from liftdrag.packing import square_layer
-from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, ShearScene, TankScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
+
+ROUNDING = 1e-6
+"""Momentum against the mean flow over that of all grains at the speed that they scatter with."""
 
 ERRORS = 4.0
 """Standard errors within which a mean is what it must be."""
@@ -228,3 +235,26 @@ def column_invariants(
         deepest = float(series["overlap"].max()) / 2.0
         found[OVERLAP] = Invariant(deepest, bounds.overlap, "d")
     return found
+
+
+def sheared_invariants(scene: ShearScene, sampled: Series) -> dict[str, Invariant]:
+    """Overlap, over the least side of a grain; agitation, momentum and energy."""
+    bounds, mass = bounds_of(scene), scene.grain_count * scene.mass
+    speed = sqrt(2.0 * float(sampled["fluctuation"].max()) / mass)
+    momentum = float(sampled["momentum"].max())
+    return {
+        OVERLAP: Invariant(float(sampled["overlap"].max()) / 2.0, bounds.overlap, "d"),
+        "agitation": Invariant(speed, bounds.agitation, "m/s"),
+        "momentum": Invariant(momentum, ROUNDING * mass * speed, "kg m/s"),
+        "energy_created": _created(scene, sampled, bounds),
+    }
+
+
+def _created(scene: ShearScene, sampled: Series, bounds: Bounds) -> Invariant:
+    """The largest energy that the grains hold beyond what they had and were given, J."""
+    held = sampled["fluctuation"] + sampled["rotation"] + sampled["elastic"]
+    stress = -sampled["kinetic_xy"] - sampled["contact_xy"]
+    given = np.cumsum(stress) * scene.drive.shear_rate * scene.volume * sampled.interval
+    created = held - held[0] - (given - given[0])
+    share = (bounds.own / bounds.expected) ** 2
+    return Invariant(float(created.max()), share * float(held.max()), "J")

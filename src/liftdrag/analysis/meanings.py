@@ -41,4 +41,21 @@ MEANINGS = {
     "wall_mobilisation": "mean of |T|/(mu_w N) at the wall",
     "wall_sliding": "share of wall contacts at the limit",
     "wall_rolling": "spin x d/2 over the speed, at the wall",
+    "shear_stress": "over rho d_v^2 rate^2",
+    "pressure": "mean normal stress, the same way",
+    "bulk_friction": "shear stress / pressure",
+    "kinetic_share": "of the pressure",
+    "normal_difference": "(xx - yy) / pressure",
+    "fluctuation_energy": "of a grain, over m d_v^2 rate^2",
+    "rotational_energy": "of a grain, the same way",
+    "order_parameter": "S_ave: 1 where axes are parallel",
+    "stack_size": "grains a stack",
+    "stacking_fraction": "share of grains in stacks",
+    "shear_stress_over_liu": "over the paper's at this order",
+    "pressure_over_liu": "over the paper's at this order",
+    **{
+        f"{name}_{number}": f"of species {number} of the case"
+        for name in ("order_parameter", "stack_size", "stacking_fraction")
+        for number in (1, 2, 3)
+    },
 }

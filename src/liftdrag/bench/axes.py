@@ -11,7 +11,7 @@ from liftdrag.case import Case
 from liftdrag.cost import cores
 from liftdrag.errors import InputError, shown
 from liftdrag.numerics import derive
-from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, ShearScene, TankScene
 
 STEPS = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4)
 """Time steps over the smaller of the Rayleigh and Hertz times."""
@@ -53,12 +53,17 @@ class Axis:
 
 
 def axes_of(case: Case, engine: str) -> tuple[Axis, ...]:
-    """The axes of a case on the engine of this name."""
+    """The axes of a case on the engine of this name. Raises InputError where it has none."""
     scene = case.scene
     if isinstance(scene, TankScene):
         return tuple(_tank(scene, engine))
     if isinstance(scene, JanssenScene):
         return tuple(_janssen(scene))
+    if isinstance(scene, ShearScene):
+        raise InputError(
+            "A shear flow has no bench; sweep a study that changes numerics.time_step and "
+            "numerics.stiffness_factor."
+        )
     return tuple(_drag2d(scene))
 
 

@@ -5,8 +5,14 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from liftdrag.numerics import Drag2DNumerics, JanssenNumerics, Numerics, TankNumerics
-from liftdrag.scene import Drag2DScene, Scene, TankScene
+from liftdrag.numerics import (
+    Drag2DNumerics,
+    JanssenNumerics,
+    Numerics,
+    ShearNumerics,
+    TankNumerics,
+)
+from liftdrag.scene import Drag2DScene, Scene, ShearScene, TankScene
 
 REST = 2e6
 """Bytes of the pictures, the log and the records."""
@@ -29,6 +35,9 @@ FIELDS = 320.0
 HEIGHT = 12.0
 """Bytes of a grain of the surface."""
 
+LYING = 24.0
+"""Bytes of a cylinder's place and axis at one time."""
+
 ROW = 260.0
 """Bytes of a row of the series, in the engine's files and in liftdrag's."""
 
@@ -45,6 +54,11 @@ def needed(scene: Scene, numerics: Numerics, dump: bool = False) -> float:
         frames = steps / numerics.frame_every.value + 2.0
         bed = grains * (2.0 * DECK + FRAME * frames) + ROW * steps / numerics.row_every.value
         return REST + scene.ensemble.runs * bed
+    if isinstance(numerics, ShearNumerics) and isinstance(scene, ShearScene):
+        steps = numerics.drive_steps.value
+        looks = steps / numerics.frame_every.value + 1.0
+        rows = 2.0 * ROW * steps / numerics.row_every.value
+        return REST + scene.grain_count * (DECK + LYING * looks) + rows
     assert isinstance(numerics, JanssenNumerics)
     levels = numerics.levels
     rows = levels[-1].end / numerics.row_every.value

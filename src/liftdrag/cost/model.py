@@ -34,6 +34,7 @@ NANOSECONDS = {
     ("drag2d", "dem", "disc"): 60.0,
     ("drag2d", "dem", "dumbbell"): 102.0,
     ("drag2d", "dem", "ellipse"): 120.0,
+    ("shear", "dem", "cylinder"): 650.0,
 }
 """Of one core for a grain-step, in a bed of 10 000 grains, its measurements included."""
 
@@ -49,8 +50,8 @@ SHARED, FEW = 0.15, 400.0
 START_S = {"lammps": 0.75, "lmp": 0.3, "liggghts": 0.3}
 """Until an engine begins."""
 
-PACKING_S = {"tank": 200e-6, "janssen": 90e-6}
-"""Of a grain, in the packing of a bed of spheres."""
+PACKING_S = {"tank": 200e-6, "janssen": 90e-6, "shear": 8e-3}
+"""Of a grain, in the packing of a bed of spheres, or the growth of a cell of cylinders."""
 
 GROWN_S = {"disc": 0.9e-3, "dumbbell": 1.4e-3, "ellipse": 0.85e-3}
 """Of a grain in the plane, in the growth of 400 of them, a third up or down by how they jam."""

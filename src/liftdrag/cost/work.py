@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from liftdrag.numerics import Drag2DNumerics, JanssenNumerics, Numerics, TankNumerics
-from liftdrag.scene import Drag2DScene, JanssenScene, Scene, TankScene
+from liftdrag.numerics import (
+    Drag2DNumerics,
+    JanssenNumerics,
+    Numerics,
+    ShearNumerics,
+    TankNumerics,
+)
+from liftdrag.scene import Drag2DScene, JanssenScene, Scene, ShearScene, TankScene
 
 SETTLED_AFTER = 1.2
 """Steps in which a packed bed comes to rest, over the least: 1.02 to 1.66 in 40 tanks."""
@@ -28,6 +34,8 @@ def work_of(scene: Scene, numerics: Numerics) -> Work:
     if isinstance(scene, Drag2DScene) and isinstance(numerics, Drag2DNumerics):
         grains, steps = scene.grains.count + 1, numerics.drive_steps.value
         return Work(grains, steps, float(grains * steps), scene.ensemble.runs)
+    if isinstance(scene, ShearScene) and isinstance(numerics, ShearNumerics):
+        return Work(scene.grain_count, numerics.drive_steps.value, numerics.grain_steps.value)
     assert isinstance(scene, JanssenScene)
     assert isinstance(numerics, JanssenNumerics)
     return Work(scene.grain_count, numerics.levels[-1].end, numerics.grain_steps.value)
@@ -46,5 +54,8 @@ def contacts_of(scene: Scene) -> str:
         return scene.numerics.pair_law
     if isinstance(scene, JanssenScene):
         return scene.grains.contact
+    if isinstance(scene, ShearScene):
+        ratios = " ".join(f"{one.aspect_ratio:g}" for one in scene.species)
+        return f"cylinder {ratios} at {scene.cell.solid_fraction:g}"
     ratio = f" {scene.grains.aspect_ratio:g}" if scene.grains.aspect_ratio else ""
     return f"{scene.grains.shape}{ratio} at {scene.box.solid_fraction:g}"

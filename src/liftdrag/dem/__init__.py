@@ -4,6 +4,7 @@
 lists them, `motion` integrates. `planar` says what all three need to know of bodies in the plane,
 whose geometry is in `ellipse` and `shapes`, `spheres` what of spheres. What a user of the engine
 holds is a `bed`, which `growth` packs and `contacts` looks at, or a `column`, and `touching`.
+`cylinders` is an engine of its own, of rods and disks in a box that may be sheared.
 """
 
 from liftdrag.dem.bed import Advanced, Bed, Memory, advance

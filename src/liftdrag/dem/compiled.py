@@ -27,7 +27,7 @@ LEAST_ROOM = 10_000_000
 
 @cache
 def _folder() -> str:
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    sources = sorted(Path(__file__).parent.rglob("*.py"))
     digest = hashlib.sha256(b"".join(file.read_bytes() for file in sources)).hexdigest()[:16]
     parent = os.environ.get("XDG_CACHE_HOME") or str(Path("~/.cache").expanduser())
     folder = Path(parent) / "liftdrag" / "kernels" / digest

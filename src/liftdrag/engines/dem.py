@@ -1,7 +1,8 @@
 """The in-house engine: `python -m liftdrag.engines.dem FOLDER` runs the deck in a folder.
 
 Or the decks in the folders below it, one after another. It lives in the process that calls it,
-on one core, a column on as many as it is told; its loops let other threads of the process run.
+on one core, a column or a sheared cell on as many as it is told; its loops let other threads of the
+process run.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import inf
@@ -24,10 +25,12 @@ from liftdrag.deck import Plan
 from liftdrag.deck.dialect import IN_HOUSE
 from liftdrag.deck.drag2d import NUMBERS
 from liftdrag.deck.janssen import START
-from liftdrag.engines import dem_column, dem_planar, mpi
+from liftdrag.deck.shear import START as SHEARED
+from liftdrag.engines import dem_column, dem_planar, dem_shear, mpi
 from liftdrag.engines.base import About, Enough, Outcome, Progress, silent
 from liftdrag.engines.dem_column import ColumnDeck
 from liftdrag.engines.dem_planar import PlanarDeck
+from liftdrag.engines.dem_shear import ShearDeck
 from liftdrag.engines.fills import early, read_fills
 from liftdrag.engines.samples import Ran, read_samples
 from liftdrag.engines.stopper import PRECISION
@@ -119,7 +122,7 @@ class InHouse:
             grains=deck.grains,
             loop_s=loop_s,
             cpu_s=cpu_s,
-            stopped_by=_stopped_by(plan, folder),
+            stopped_by=_stopped_by(plan, folder, ran.steps),
             before=ran.before,
         )
 
@@ -129,11 +132,13 @@ class InHouse:
         return read_samples(folder / name, channels)
 
     def surfaces(self, plan: Plan, folder: Path) -> Iterator[tuple[float, np.ndarray]]:
-        """None: neither a closed box nor a column has one that is looked at."""
+        """None: no bed of this engine has one that is looked at."""
         return iter(())
 
     def snapshots(self, plan: Plan, folder: Path) -> Iterator[Snapshot]:
-        """Those of a bed in the plane."""
+        """Those of a bed in the plane or a sheared cell."""
+        if plan.start == SHEARED:
+            return dem_shear.snapshots(folder)
         return iter(()) if plan.fills else dem_planar.snapshots(folder)
 
     def profiles(self, plan: Plan, folder: Path) -> Iterator[Profile]:
@@ -141,12 +146,23 @@ class InHouse:
         return dem_column.profiles(folder) if plan.fills else iter(())
 
 
-def _stopped_by(plan: Plan, folder: Path) -> str:
-    """What ended all fills of a column: "precision", or "distance"."""
+def _stopped_by(plan: Plan, folder: Path, steps: int) -> str:
+    """What ended a sheared cell, or all fills of a column: "precision", or "distance"."""
     if not plan.fills:
-        return "distance"
+        return PRECISION if plan.stoppable and steps < plan.stages["drive"] else "distance"
     ended = early(plan, read_fills(folder))
     return PRECISION if len(ended) == len(plan.fills) else "distance"
+
+
+Deck = PlanarDeck | ColumnDeck | ShearDeck
+"""What the engine runs."""
+
+_READERS: dict[str, Callable[[Path], Deck]] = {
+    START: dem_column.read,
+    SHEARED: dem_shear.read,
+    NUMBERS: dem_planar.read,
+}
+"""Of a deck, by the file that it starts from."""
 
 
 class _Halted(Exception):
@@ -154,7 +170,7 @@ class _Halted(Exception):
 
 
 def _aside(
-    deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress, enough: Enough | None
+    deck: Deck, folder: Path, progress: Progress, enough: Enough | None
 ) -> tuple[Ran, float]:
     """How the deck ended in a thread of its own, and the processor time (s) that it took.
 
@@ -178,21 +194,23 @@ def _aside(
 
 
 def _carried_out(
-    deck: PlanarDeck | ColumnDeck, folder: Path, progress: Progress, enough: Enough | None
+    deck: Deck, folder: Path, progress: Progress, enough: Enough | None
 ) -> tuple[Ran, float]:
     if isinstance(deck, PlanarDeck):
         start = time.thread_time()
         return dem_planar.run(deck, folder, progress), time.thread_time() - start
     clock = time.thread_time if deck.numbers.run.threads == 1 else time.process_time
     start = clock()
+    if isinstance(deck, ShearDeck):
+        return dem_shear.run(deck, folder, progress, enough), clock() - start
     return dem_column.run(deck, folder, progress, enough), clock() - start
 
 
-def _read(folder: Path) -> PlanarDeck | ColumnDeck:
+def _read(folder: Path) -> Deck:
     """The deck of a folder. Raises InputError when it is none or damaged."""
-    name = START if (folder / START).exists() else NUMBERS
+    name = next((name for name in _READERS if (folder / name).exists()), NUMBERS)
     try:
-        return dem_column.read(folder) if name == START else dem_planar.read(folder)
+        return _READERS[name](folder)
     except OSError as error:
         raise InputError(f"{folder} holds no {name} to run: {error.strerror}.") from None
     except ValidationError as error:
@@ -225,14 +243,14 @@ def main(arguments: list[str]) -> int:
 
 def _decks(folder: Path) -> list[Path]:
     """The folder, or those just below it that hold a deck."""
-    below = sorted({path.parent for name in (NUMBERS, START) for path in folder.glob(f"*/{name}")})
-    alone = any((folder / name).exists() for name in (NUMBERS, START))
+    below = sorted({path.parent for name in _READERS for path in folder.glob(f"*/{name}")})
+    alone = any((folder / name).exists() for name in _READERS)
     return below if below and not alone else [folder]
 
 
 def _reported(folder: Path) -> Outcome:
     deck = _read(folder)
-    threads = deck.numbers.run.threads if isinstance(deck, ColumnDeck) else 1
+    threads = 1 if isinstance(deck, PlanarDeck) else deck.numbers.run.threads
     plan = Plan("", threads, 0.0, {"drive": deck.steps}, 1, {})
     outcome = InHouse().run(plan, folder, silent)
     speed = outcome.grains * outcome.steps / outcome.loop_s

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import overload
 
-from liftdrag.numerics import drag2d, janssen, tank
+from liftdrag.numerics import drag2d, janssen, shear, tank
 from liftdrag.numerics.drag2d import Drag2DNumerics
 from liftdrag.numerics.janssen import JanssenNumerics
+from liftdrag.numerics.shear import ShearNumerics
 from liftdrag.numerics.tank import TankNumerics
 from liftdrag.numerics.value import Numerics, Value, explained
-from liftdrag.scene import Drag2DScene, JanssenScene, Scene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, Scene, ShearScene, TankScene
 
 __all__ = [
     "Drag2DNumerics",
     "JanssenNumerics",
     "Numerics",
+    "ShearNumerics",
     "TankNumerics",
     "Value",
     "derive",
@@ -34,6 +36,10 @@ def derive(scene: Drag2DScene, ranks: int = 1) -> Drag2DNumerics: ...
 def derive(scene: JanssenScene, ranks: int = 1) -> JanssenNumerics: ...
 
 
+@overload
+def derive(scene: ShearScene, ranks: int = 1) -> ShearNumerics: ...
+
+
 def derive(scene: Scene, ranks: int = 1, settled: bool = False) -> Numerics:
     """The numerics of `scene` on `ranks` processes; a tank's bed may be `settled` already.
 
@@ -43,4 +49,6 @@ def derive(scene: Scene, ranks: int = 1, settled: bool = False) -> Numerics:
         return janssen.derive(scene, ranks)
     if isinstance(scene, Drag2DScene):
         return drag2d.derive(scene)
+    if isinstance(scene, ShearScene):
+        return shear.derive(scene)
     return tank.derive(scene, ranks, settled)

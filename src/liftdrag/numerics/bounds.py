@@ -7,8 +7,11 @@ impact, elastic, at the speed at which grains meet. No grain may be half-way thr
 bound is the only one in the plane, where the drag, and with it the largest force, is what is
 looked for.
 
+In a sheared cell the load is the pressure that the paper's flows had, and the overlap is over the
+least side of a grain.
+
 **Agitation.** Nothing moves faster, against the mean and in the mean square, than what drives it
-or than a fall over which grains come together.
+or than a fall over which grains come together, or, sheared, by what kinetic theory has beside it.
 
 **Step.** `stability` has the limits. Two are given: the `earliest`, of a grain touched on all sides
 (12 spheres, 6 discs) by contacts as deep as the bound, under which nothing can break; and the
@@ -29,8 +32,15 @@ from liftdrag.numerics import derive
 from liftdrag.numerics.drag2d import SQUEEZE
 from liftdrag.numerics.janssen import COMPACTION, GAP, MEAN_FORCE
 from liftdrag.numerics.janssen import DEEPEST as DEEPEST_IN_TUBE
+from liftdrag.numerics.shear import (
+    critical_time,
+    expected_overlap,
+    expected_pressure,
+    least_side,
+    least_stiffness,
+)
 from liftdrag.numerics.tank import DEEPEST, FRONT_STRESS, impact_speed, pressure
-from liftdrag.scene import Drag2DScene, JanssenScene, Scene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, Scene, ShearScene, TankScene
 from liftdrag.scene.janssen import TANGENTIAL_RATIO, TubeGrains
 from liftdrag.scene.material import Material
 from liftdrag.stability import Crowd, damping_ratio, hertz_slope
@@ -43,6 +53,11 @@ CONTACTS = 3.0
 
 HALF_WAY = 0.5
 """Overlap over the diameter of the smaller grain at which it is half-way through the other."""
+
+HEATED = 0.6
+"""Three times the root mean square speed of inelastic spheres in dilute shear flow, times the solid
+fraction and sqrt(1 - e^2), over rate x d: kinetic theory's work, 5 sqrt(pi T)/96 rho d rate^2, is
+its loss, (12/sqrt(pi)) (1 - e^2) rho fraction^2 T^1.5 / d."""
 
 WALTON_BRAUN = 0.8
 """Its tangential stiffness over the normal one in loading."""
@@ -77,14 +92,16 @@ def bounds_of(scene: Scene) -> Bounds:
         return _tank(scene)
     if isinstance(scene, JanssenScene):
         return _janssen(scene)
-    return _drag2d(scene)
+    return _shear(scene) if isinstance(scene, ShearScene) else _drag2d(scene)
 
 
 def overlap_bound(scene: Scene) -> float:
     """The overlap over the diameter of the smaller grain that no sound run reaches."""
     if isinstance(scene, TankScene):
         return _tank_overlap(scene)
-    return _tube_overlap(scene) if isinstance(scene, JanssenScene) else HALF_WAY
+    if isinstance(scene, JanssenScene):
+        return _tube_overlap(scene)
+    return _sheared_overlap(scene) if isinstance(scene, ShearScene) else HALF_WAY
 
 
 def agitation_bound(scene: Scene) -> float:
@@ -93,6 +110,8 @@ def agitation_bound(scene: Scene) -> float:
         return impact_speed(scene)
     if isinstance(scene, JanssenScene):
         return max(scene.drive.speed or 0.0, _fall(GAP * scene.grains.diameter))
+    if isinstance(scene, ShearScene):
+        return _heated(scene)
     return scene.drive.speed
 
 
@@ -122,6 +141,43 @@ def _janssen(scene: JanssenScene) -> Bounds:
     return _bounds(
         scene, "the contact time", scale, _tube_crowd(grains), SPHERES, slopes, grains.mass
     )
+
+
+def _shear(scene: ShearScene) -> Bounds:
+    """Of the slenderest grains, touched at their ends."""
+    k, side = least_stiffness(scene), least_side(scene)
+    slopes = [
+        hertz_slope(k, share * side) for share in (overlap_bound(scene), expected_overlap(scene))
+    ]
+    crowd = Crowd(1.0, 3, 0.0, _hertz_ratio(scene.grains.restitution))
+    mass = scene.mass / _lever(scene)
+    name = "the paper's critical time"
+    return _bounds(scene, name, critical_time(scene), crowd, SPHERES, slopes, mass)
+
+
+def _lever(scene: ShearScene) -> float:
+    """1 + h^2 m / I at the most: how much more a contact at a distance h moves a grain there."""
+    levers = []
+    for species in scene.species:
+        diameter, length = species.sides(scene.grains.diameter)
+        inertia = length**2 / 12.0 + diameter**2 / 16.0
+        levers.append(1.0 + max(length, diameter) ** 2 / 4.0 / inertia)
+    return max(levers)
+
+
+def _heated(scene: ShearScene) -> float:
+    """Speed (m/s) of the cell's upper side, and that to which a dilute gas of spheres is heated."""
+    dissipated = scene.solid_fraction * sqrt(1.0 - scene.grains.restitution**2)
+    heated = HEATED * scene.grains.diameter / dissipated
+    return scene.drive.shear_rate * (scene.sides[1] + heated)
+
+
+def _sheared_overlap(scene: ShearScene) -> float:
+    """The largest of many contacts, and a meeting at the speed of the cell's upper side."""
+    k, diameter = least_stiffness(scene), scene.grains.diameter
+    force = expected_pressure(scene) * diameter**2 * _largest(scene.grain_count)
+    impact = hertz.impact_overlap(k, scene.mass / 2.0, agitation_bound(scene))
+    return min((hertz.static_overlap(force, k) + impact) / least_side(scene), HALF_WAY)
 
 
 def _bounds(

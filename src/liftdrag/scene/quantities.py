@@ -1,7 +1,8 @@
 """Field types of a case: numbers in SI, or text with a unit.
 
-A length may also be a multiple of the grain diameter ("140 d") or of the
-intruder's ("8 D"); their values come in the validation context as `d` and `D`.
+A length may also be a multiple of the grain diameter ("140 d"; of grains that are no spheres
+"30 d_v") or of the intruder's ("8 D"); their values come in the validation context as `d`, `d_v`
+and `D`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ MAX_TEXT = 60
 
 _TEXT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.ASCII)
 _UNIT = re.compile(r"[A-Za-zµμ]{1,20}(\^?-?\d)?(\s*[*/ ]\s*[A-Za-zµμ]{1,20}(\^?-?\d)?){0,4}")
-_DIAMETERS = {"d": "grains.diameter", "D": "intruder.diameter"}
+_DIAMETERS = {"d": "grains.diameter", "d_v": "grains.diameter", "D": "intruder.diameter"}
 
 
 @cache
@@ -51,6 +52,7 @@ _EXAMPLES = {
     "kg/m^3": "2.5 g/cm^3",
     "Pa": "5 MPa",
     "N/m": "8 kN/m",
+    "1/s": "100 Hz",
 }
 
 
@@ -120,3 +122,4 @@ Density = Annotated[float, _within("kg/m^3", 1e-2, 1e6), _in("kg/m^3"), _schema(
 Modulus = Annotated[float, _within("Pa", 1.0, 1e13), _in("Pa"), _schema("Pa")]
 Mass = Annotated[float, _within("kg", 1e-15, 1e9), _in("kg"), _schema("kg")]
 Stiffness = Annotated[float, _within("N/m", 1e-9, 1e12), _in("N/m"), _schema("N/m")]
+Rate = Annotated[float, _within("1/s", 1e-9, 1e9), _in("1/s"), _schema("1/s")]

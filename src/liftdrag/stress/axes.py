@@ -9,7 +9,7 @@ from liftdrag.case import Case
 from liftdrag.errors import InputError
 from liftdrag.numerics import derive
 from liftdrag.numerics.bounds import Bounds, bounds_of
-from liftdrag.scene import JanssenScene, Scene
+from liftdrag.scene import JanssenScene, Scene, ShearScene
 
 STEPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
 """Time steps over the scale that the scene's own step is a share of."""
@@ -30,12 +30,16 @@ UNCHANGED = ("time_step", SEEDS)
 
 
 def axes_of(case: Case) -> tuple[Axis, ...]:
-    """The axes of a case. Raises CaseError when it has no numerics."""
+    """The axes of a case. Raises InputError when it has no numerics, or no axes."""
     return tuple(_axes(case, bounds_of(case.scene)))
 
 
 def _axes(case: Case, bounds: Bounds) -> Iterator[Axis]:
     scene = case.scene
+    if isinstance(scene, ShearScene):
+        raise InputError(
+            "A shear flow has no stress map; sweep a study that changes numerics.time_step."
+        )
     steps = tuple(_steps(case, bounds))
     own = bounds.own * bounds.scale
     yield Axis("time_step", "numerics.time_step", own, steps, "least", f"of {bounds.name}")

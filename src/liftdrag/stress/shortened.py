@@ -8,7 +8,7 @@ from liftdrag.bench.axes import Axis
 from liftdrag.bench.points import points_of, reference
 from liftdrag.case import Case
 from liftdrag.numerics.janssen import MOBILISE_FIRST
-from liftdrag.scene import JanssenScene, TankScene
+from liftdrag.scene import JanssenScene, ShearScene, TankScene
 from liftdrag.scene.tank import TRANSIENT
 
 SHORTEST = 0.1
@@ -36,6 +36,10 @@ def cut(case: Case, share: float) -> Case:
         return case.set("drive.distance", max(share * scene.drive.distance, least))
     if isinstance(scene, JanssenScene):
         return _shorter_column(case, scene, max(share, SHORTEST))
+    if isinstance(scene, ShearScene):
+        drive = scene.drive
+        case = case.set("drive.strain", share * drive.strain)
+        return case.set("drive.average_from", share * drive.average_from)
     own = scene.ensemble.runs
     return case.set("ensemble.runs", min(max(round(share * own), FEWEST), own))
 

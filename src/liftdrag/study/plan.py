@@ -42,6 +42,18 @@ KNOWN = {
         "wall_sliding",
         "wall_rolling",
     ),
+    "shear": (
+        "shear_stress",
+        "pressure",
+        "bulk_friction",
+        "kinetic_share",
+        "normal_difference",
+        "fluctuation_energy",
+        "rotational_energy",
+        "order_parameter",
+        "stack_size",
+        "stacking_fraction",
+    ),
     "tank": (
         "drag",
         "lift",

@@ -1,0 +1,30 @@
+"""Flat-ended cylinders in space, rods and disks, without friction, in a box that may be sheared.
+
+`meeting` finds where two touch, `edges` where edges do; `forces` loops over the pairs,
+`neighbours` lists them, `images` knows the box, `motion` moves, and `advance` is the loop over
+the steps. What a user holds are `Cylinders` in a `Cell`, `grown` there,
+`shear` and its samples, and the contacts that `touching` finds.
+"""
+
+from liftdrag.dem.cylinders.advance import FINE, NOT_FINITE, TOO_DEEP
+from liftdrag.dem.cylinders.flow import Sample, shear, sheared
+from liftdrag.dem.cylinders.growth import grown
+from liftdrag.dem.cylinders.kinds import KINDS
+from liftdrag.dem.cylinders.state import Cell, Cylinders, same_volume
+from liftdrag.dem.cylinders.touching import Contacts, touching
+
+__all__ = [
+    "FINE",
+    "KINDS",
+    "NOT_FINITE",
+    "TOO_DEEP",
+    "Cell",
+    "Contacts",
+    "Cylinders",
+    "Sample",
+    "grown",
+    "same_volume",
+    "shear",
+    "sheared",
+    "touching",
+]

@@ -1,0 +1,70 @@
+"""`Cylinders` in a `Cell`: what moves and the box that it moves in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A periodic box, sheared where `shear_rate` (1/s) is not zero: velocity along x, shear in y.
+
+    `size` (3,) in m. An image above, at y + size[1], is `shift` (m) farther along x and faster
+    by shear_rate size[1] (Lees and Edwards 1972).
+    """
+
+    size: np.ndarray
+    shear_rate: float = 0.0
+    shift: float = 0.0
+
+    @property
+    def volume(self) -> float:
+        """Volume, m^3."""
+        return float(np.prod(self.size))
+
+
+@dataclass(frozen=True)
+class Cylinders:
+    """Flat-ended cylinders, SI units: rods where they are longer than wide, disks elsewhere.
+
+    `position`, `velocity`, `axis` (a unit vector) and `spin` (rad/s) are (n, 3); `radius`,
+    `half_length` and `mass` (n,). The angle about the axis is left out: nothing depends on it.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    axis: np.ndarray
+    spin: np.ndarray
+    radius: np.ndarray
+    half_length: np.ndarray
+    mass: np.ndarray
+
+    @property
+    def volume(self) -> np.ndarray:
+        """Volume of each (n,), m^3."""
+        return np.asarray(2.0 * np.pi * self.radius**2 * self.half_length)
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Moments of inertia (n, 2) across and about the axis, kg m^2."""
+        square = self.radius**2
+        across = self.mass * (square / 4.0 + self.half_length**2 / 3.0)
+        return np.column_stack([across, 0.5 * self.mass * square])
+
+    @property
+    def angular_momentum(self) -> np.ndarray:
+        """Angular momentum of each about its centre (n, 3), kg m^2/s."""
+        across, about = self.inertia.T[:, :, None]
+        along = (self.spin * self.axis).sum(axis=1, keepdims=True) * self.axis
+        return np.asarray(across * (self.spin - along) + about * along)
+
+
+def same_volume(aspect: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
+    """Radii and half lengths (m) of cylinders as large as a sphere of a diameter (m).
+
+    `aspect` (n,) is length over diameter.
+    """
+    radius = 0.5 * diameter * (2.0 / (3.0 * aspect)) ** (1.0 / 3.0)
+    return radius, radius * aspect
