@@ -111,7 +111,7 @@ def test_what_a_shear_flow_has_not_is_refused_in_a_sentence(made: Result, out: P
     assert not out.exists()
     (made.folder / "result.json").replace(made.folder / "kept.json")
     try:
-        with pytest.raises(InputError, match="cannot be gone on with"):
+        with pytest.raises(InputError, match="keeps no state to go on from"):
             resume(None, made.folder)
     finally:
         (made.folder / "kept.json").replace(made.folder / "result.json")
