@@ -5,10 +5,8 @@ tube 0.9 sigma d^2; forces in a bed are distributed exponentially, so the larges
 near (1 + ln n) F. With three contacts a grain that gives a static overlap. To it comes that of an
 impact, elastic, at the speed at which grains meet. No grain may be half-way through another: that
 bound is the only one in the plane, where the drag, and with it the largest force, is what is
-looked for.
-
-In a sheared cell the load is the pressure that the paper's flows had, and the overlap is over the
-least side of a grain.
+looked for, and in a sheared cell, whose overlaps are over the least side of a grain, and deepest in
+the first strain, before the grains lie alike.
 
 **Agitation.** Nothing moves faster, against the mean and in the mean square, than what drives it
 or than a fall over which grains come together, or, sheared, by what kinetic theory has beside it.
@@ -35,7 +33,6 @@ from liftdrag.numerics.janssen import DEEPEST as DEEPEST_IN_TUBE
 from liftdrag.numerics.shear import (
     critical_time,
     expected_overlap,
-    expected_pressure,
     least_side,
     least_stiffness,
 )
@@ -99,9 +96,7 @@ def overlap_bound(scene: Scene) -> float:
     """The overlap over the diameter of the smaller grain that no sound run reaches."""
     if isinstance(scene, TankScene):
         return _tank_overlap(scene)
-    if isinstance(scene, JanssenScene):
-        return _tube_overlap(scene)
-    return _sheared_overlap(scene) if isinstance(scene, ShearScene) else HALF_WAY
+    return _tube_overlap(scene) if isinstance(scene, JanssenScene) else HALF_WAY
 
 
 def agitation_bound(scene: Scene) -> float:
@@ -170,14 +165,6 @@ def _heated(scene: ShearScene) -> float:
     dissipated = scene.solid_fraction * sqrt(1.0 - scene.grains.restitution**2)
     heated = HEATED * scene.grains.diameter / dissipated
     return scene.drive.shear_rate * (scene.sides[1] + heated)
-
-
-def _sheared_overlap(scene: ShearScene) -> float:
-    """The largest of many contacts, and a meeting at the speed of the cell's upper side."""
-    k, diameter = least_stiffness(scene), scene.grains.diameter
-    force = expected_pressure(scene) * diameter**2 * _largest(scene.grain_count)
-    impact = hertz.impact_overlap(k, scene.mass / 2.0, agitation_bound(scene))
-    return min((hertz.static_overlap(force, k) + impact) / least_side(scene), HALF_WAY)
 
 
 def _bounds(

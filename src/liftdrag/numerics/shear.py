@@ -204,7 +204,8 @@ def _skin(scene: ShearScene) -> Value[float]:
             "numerics.skin",
             chosen,
             "a neighbour skin wider than two grains only costs time",
-            f"choose at most {at_most(2.0 * diameter)} m; {SKIN} of the mean smaller side is derived",
+            f"choose at most {at_most(2.0 * diameter)} m; "
+            f"{SKIN * _mean_side(scene):.3g} m is derived",
         )
     return Value(chosen, "m", "set by hand")
 
