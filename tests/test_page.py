@@ -329,7 +329,8 @@ def test_a_study_of_grids_shows_its_points_and_what_it_lacks(tmp_path: Path):
     assert page.table("Runs")["a-1f"][0] == "finished"
     assert page.table("Every quantity of every point")["a"] == ["9.0 ± 1.0 N"]
     assert page.table("Where it saturates") == {
-        "small": ["lift coefficient", "30.0 ± 2.0", "11.0 ± 1.0"]
+        "of": ["quantity", "plateau", "90 % of it at"],
+        "small": ["lift coefficient", "30.0 ± 2.0", "11.0 ± 1.0"],
     }
 
 
