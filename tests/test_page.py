@@ -312,6 +312,28 @@ def test_a_study_shows_its_runs_claims_and_pictures(tmp_path: Path):
     assert len(page.all("img")) == 1
 
 
+def test_a_study_of_grids_shows_its_points_and_what_it_lacks(tmp_path: Path):
+    folder = tmp_path / "study"
+    made(folder / "runs" / "a-1f", load("zhou/c1").tables, quantities={"drag": quantity(9, 1, "N")})
+    (folder / "runs.csv").write_text("run,point,status\na,a,finished\nb,a,missing\n")
+    (folder / "points.csv").write_text(
+        "point,status,quantity,mean,standard_error,unit\na,missing,drag,9,1,N\n"
+    )
+    (folder / "saturations.csv").write_text(
+        "says,quantity,plateau,plateau_error,depth,depth_error,saturates\n"
+        "small,lift_coefficient,30,2,11,1,True\nlarge,lift_coefficient,1,2,3,4,False\n"
+    )
+    page = read([folder], tmp_path / "page.html")
+    check_sound(page)
+    assert any("1 unfinished" in part for _, parts in page.texts for part in parts)
+    assert page.table("Runs")["a-1f"][0] == "finished"
+    assert page.table("Every quantity of every point")["a"] == ["9.0 ± 1.0 N"]
+    assert page.table("Where it saturates") == {
+        "of": ["quantity", "plateau", "90 % of it at"],
+        "small": ["lift coefficient", "30.0 ± 2.0", "11.0 ± 1.0"],
+    }
+
+
 def test_a_paper_is_compared_with_its_own_case_only():
     lid, found = load("guillard2014/lid"), {"drag_coefficient": Quantity(11, 1, "1", None, 9, True)}
     (same,) = compared(lid.tables, found)

@@ -16,7 +16,7 @@ from liftdrag.page.last_words import last_words
 from liftdrag.page.pictures import Picture, pictures
 from liftdrag.page.record import RunRecord, is_run, read_record
 from liftdrag.page.sheets import Sheet
-from liftdrag.page.study import is_study, runs_in, study_sheets
+from liftdrag.page.study import is_study, runs_in, study_sheets, unfinished_in
 
 LEADING = {
     "tank": ("drag", "lift", "drag_coefficient", "lift_coefficient"),
@@ -132,7 +132,8 @@ def _failures(done: Mapping[str, RunRecord]) -> Iterator[str]:
 
 def _study(folder: Path, anchor: str) -> Shown:
     done = runs_in(folder)
-    unfinished = [name for name, record in done.items() if not record.finished]
+    cut = [name for name, record in done.items() if not record.finished]
+    unfinished = unfinished_in(folder) or cut
     return Shown(
         anchor=anchor,
         title=folder.resolve().name,

@@ -1,4 +1,4 @@
-"""What a sweep leaves in its folder: `runs.csv`, `claims.csv`, pictures, and a folder a run."""
+"""What a sweep leaves in its folder: tables, pictures, and below `runs` a folder a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from liftdrag.page.record import RunRecord, is_run, read_record
 from liftdrag.page.sheets import Sheet, text, words
 from liftdrag.replicas import CASE, is_replicas
 
-RUNS, CLAIMS = "runs.csv", "claims.csv"
+POINTS, RUNS, CLAIMS, SATURATIONS = "points.csv", "runs.csv", "claims.csv", "saturations.csv"
+
+BELOW = "runs"
+"""The folder of a study's own runs."""
 
 
 def is_study(folder: Path) -> bool:
@@ -22,25 +25,50 @@ def is_study(folder: Path) -> bool:
 
 
 def runs_in(folder: Path) -> dict[str, RunRecord]:
-    """The records of the runs in the folders of a folder, by their names."""
+    """The records of the runs in the folders of a folder, or of a study's own, by their names."""
     kinds = {RECORD: is_run, CASE: is_replicas}
+    place = folder / BELOW if (folder / BELOW).is_dir() else folder
     return {
         place.name: read_record(place, begun)
-        for place in sorted(folder.iterdir())
+        for place in sorted(place.iterdir())
         for begun, holds in kinds.items()
         if holds(place)
     }
 
 
 def study_sheets(folder: Path) -> Iterator[Sheet]:
-    """The claims and every quantity of every run; without rows where a file is absent."""
+    """Claims, plateaus, and every quantity of points and runs; no rows where a file is absent."""
     claims = _rows(folder / CLAIMS)
     yield Sheet(
         "Claims, weighed by the runs",
         ("claim", "difference", "p-value", "verdict"),
         [(_cell(row, "claim"), _difference(row), _p(row), _cell(row, "verdict")) for row in claims],
     )
-    yield _quantities(_rows(folder / RUNS))
+    plateaus = _rows(folder / SATURATIONS)
+    yield Sheet(
+        "Where it saturates",
+        ("of", "quantity", "plateau", "90 % of it at"),
+        [
+            (
+                _cell(row, "says"),
+                words(_cell(row, "quantity")),
+                _with_error(row.get("plateau"), row.get("plateau_error"), None),
+                _with_error(row.get("depth"), row.get("depth_error"), None),
+            )
+            for row in plateaus
+            if row.get("saturates") == "True"
+        ],
+    )
+    yield _quantities("point", _rows(folder / POINTS))
+    yield _quantities("run", _rows(folder / RUNS))
+
+
+def unfinished_in(folder: Path) -> list[str]:
+    """The runs that a study still lacks, by its table."""
+    rows = _rows(folder / RUNS)
+    return list(
+        dict.fromkeys(row["run"] for row in rows if row.get("status", "finished") != "finished")
+    )
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -70,21 +98,21 @@ def _with_error(mean: str | None, error: str | None, unit: str | None) -> str:
     return size if unit in (None, "", "1") else f"{size} {unit}"
 
 
-def _quantities(rows: Sequence[Mapping[str, str]]) -> Sheet:
-    """A row for each run and a column for each quantity."""
-    known = [row for row in rows if row.get("run") and row.get("quantity")]
+def _quantities(kind: str, rows: Sequence[Mapping[str, str]]) -> Sheet:
+    """A row for each of a kind, and a column for each quantity."""
+    known = [row for row in rows if row.get(kind) and row.get("quantity")]
     names = list(dict.fromkeys(row["quantity"] for row in known))
     cells = {
-        (row["run"], row["quantity"]): _with_error(
+        (row[kind], row["quantity"]): _with_error(
             row.get("mean"), row.get("standard_error"), row.get("unit")
         )
         for row in known
     }
     return Sheet(
-        "Every quantity of every run",
-        ("run", *map(words, names)),
+        f"Every quantity of every {kind}",
+        (kind, *map(words, names)),
         [
             (run, *(cells.get((run, name), "-") for name in names))
-            for run in dict.fromkeys(row["run"] for row in known)
+            for run in dict.fromkeys(row[kind] for row in known)
         ],
     )
