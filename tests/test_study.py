@@ -184,7 +184,7 @@ def test_study_that_does_not_exist_is_refused():
 SCENE_OF = {"guillard2014": "tank", "janssen": "janssen", "liu2020": "shear", "zhou": "drag2d"}
 
 
-@pytest.mark.parametrize("name", packaged())
+@pytest.mark.parametrize("name", sorted(packaged()))
 def test_packaged_study_is_a_good_one_at_every_scale(name: str):
     """Each run has seeds of its own, so that none is like another by chance."""
     plan = read(name)

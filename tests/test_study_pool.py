@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from conftest import TINY, program
 
+from liftdrag import engines
 from liftdrag.lock import held, is_held
 from liftdrag.study.child import _leave_jobs, carry_out
 from liftdrag.study.pool import SAYS, Pool, View, Watch, ended
@@ -108,7 +109,11 @@ def test_failure_is_written_down_in_a_line(tmp_path: Path, monkeypatch: pytest.M
     lmp = program(tmp_path / "lmp", "Large-scale Atomic/Molecular Massively Parallel Simulator")
     monkeypatch.setenv("LIFTDRAG_LMP", str(lmp))
     request(broken, out)
-    assert carry_out(out, broken.digest, None) == FAILED
+    engines._program.cache_clear()
+    try:
+        assert carry_out(out, broken.digest, None) == FAILED
+    finally:
+        engines._program.cache_clear()
     assert state(broken, out) == "failed"
     reason = json.loads((claim(out, broken.digest) / END).read_text())["reason"]
     assert str(lmp) in reason
