@@ -12,7 +12,7 @@ from conftest import tiny_tank
 from test_drag2d_scene import tiny as tiny_bed
 
 from liftdrag.errors import InputError
-from liftdrag.folder import RESULT
+from liftdrag.folder import RECORD, RESULT, Record
 from liftdrag.runner import analyze, run
 from liftdrag.seal import check
 
@@ -39,13 +39,15 @@ def test_the_digests_are_those_of_the_files_and_their_answer_is_bit_for_bit(name
     if name == "bed":
         expected = {p.relative_to(folder).as_posix() for p in folder.glob("packing-*/series.csv")}
     assert expected <= sealed.keys()
-    for file, digest in sealed.items():
+    for file, digest in sealed.items() - {(RECORD, sealed[RECORD])}:
         assert digest == hashlib.sha256((folder / file).read_bytes()).hexdigest()
     analyze(folder)
     assert (folder / RESULT).read_bytes() == before
 
 
-@pytest.mark.parametrize("file", ["forces.dat", "snapshots.dump", "packing-002/series.csv", "gone"])
+@pytest.mark.parametrize(
+    "file", ["forces.dat", "snapshots.dump", "in.tank", "packing-002/series.csv", "gone"]
+)
 def test_a_changed_digit_is_refused_in_a_sentence(file, runs, tmp_path):
     folder = shutil.copytree(runs["bed" if "/" in file else "tank"], tmp_path / "run")
     if file == "gone":
@@ -66,5 +68,17 @@ def test_a_changed_digit_is_refused_in_a_sentence(file, runs, tmp_path):
 def test_a_wrong_seal_is_refused_and_a_run_of_before_is_read(sealed, runs, tmp_path):
     folder = shutil.copytree(runs["tank"], tmp_path / "run")
     with pytest.raises(InputError, match="run the case again"):
-        check(folder, sealed)
-    check(folder, None)
+        check(folder, Record.read(folder), sealed)
+    check(folder, Record.read(folder), None)
+
+
+@pytest.mark.parametrize("key", [("tables", "seed"), ("plan", "time_step")])
+def test_another_case_or_step_in_the_record_is_refused(key, runs, tmp_path):
+    folder = shutil.copytree(runs["tank"], tmp_path / "run")
+    record = json.loads((folder / RECORD).read_text())
+    record[key[0]][key[1]] *= 2
+    (folder / RECORD).write_text(json.dumps(record))
+    before = (folder / RESULT).read_bytes()
+    with pytest.raises(InputError, match=r"run\.json is not what the run wrote"):
+        analyze(folder)
+    assert (folder / RESULT).read_bytes() == before

@@ -428,7 +428,7 @@ def _conclude(
         result["stopped_by"] = "precision"
     if not failed:
         with writing(task.folder):
-            result["sealed"] = seal.digests(task.folder)
+            result["sealed"] = seal.digests(task.folder, record)
     write_json(task.folder / RESULT, result)
     if failed:
         raise RunFailed(status, f"{status}: {failed.reason}.", failed.evidence)

@@ -116,7 +116,7 @@ def carried_out(
         raise RunFailed(outcome.status, reason, outcome.evidence)
     record = sessions.closed(record, folder, outcome.status, wall_s, outcome.cpu_s)
     with writing(folder):
-        sealed = {"stopped_by": outcome.stopped_by, "sealed": seal.digests(folder)}
+        sealed = {"stopped_by": outcome.stopped_by, "sealed": seal.digests(folder, record)}
     result = _ended(record, outcome, []) | sealed
     write_json(folder / RESULT, result)
     return outcome, result

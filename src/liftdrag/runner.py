@@ -133,7 +133,7 @@ def analyze(folder: Path, bench: str | Path | None = None) -> Result:
     if status != "finished":
         raise InputError(f"The run in {folder} did not finish ({status}); run the case again.")
     case = recorded(folder, record)
-    seal.check(folder, old.get("sealed"))
+    seal.check(folder, record, old.get("sealed"))
     if isinstance(case.scene, Drag2DScene):
         found = ensemble.answered(folder, case.scene, record, old)
     elif isinstance(case.scene, JanssenScene):
