@@ -201,6 +201,15 @@ def test_overlap_to_expect_is_of_load_and_impact():
     assert not any("Soft" in w for w in numerics_of(numerics={"stiffness_factor": 1.0}).warnings)
 
 
+def test_cell_has_room_for_the_longest_grain_and_the_skin_of_its_lists():
+    """A side of the longest grain and half a d_v is refused, a hair more is not."""
+    least = scene_of().longest + 0.5 * 0.238e-3
+    wide = {"count": None, "length": "30 d_v", "height": "30 d_v"}
+    with pytest.raises(CaseError, match="its own image"):
+        scene_of(cell=wide | {"width": least * (1.0 - 1e-9)})
+    assert scene_of(cell=wide | {"width": least * (1.0 + 1e-9)}).grain_count > 0
+
+
 def test_small_cell_is_warned_of():
     rods = [{"aspect_ratio": 6, "share": 1.0}]
     small = numerics_of(species=rods, cell={"count": 100, "solid_fraction": 0.5})

@@ -280,7 +280,8 @@ def sweep(
     _print_tables(*shown, run_table(found), *([claim_table(found)] if found.findings else []))
     for line in growth_lines(found):
         print(line)
-    print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
+    if found.folder.exists():
+        print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
     if not slurm and not status:
         found.check()
 

@@ -28,6 +28,9 @@ FEWEST, MOST = 20, 1_000_000
 STOPS = ("shear_stress", "pressure", "bulk_friction")
 """What a run may be stopped by, when it is known well enough."""
 
+ROOM = 0.5
+"""Of d_v: by what a cell must be longer than its longest grain, for the neighbour lists."""
+
 SHARES = 1e-6
 """What the sum of the shares may be off one by."""
 
@@ -220,9 +223,10 @@ def _check_shares(scene: ShearScene) -> None:
 
 
 def _check_room(scene: ShearScene) -> None:
-    least = at_least(scene.longest)
+    room = scene.longest + ROOM * scene.grains.diameter
+    least = at_least(room)
     for name, side in zip(("length", "height", "width"), scene.sides, strict=True):
-        if side <= scene.longest:
+        if side <= room:
             key, value = f"cell.{name}", getattr(scene.cell, name)
             remedy = f"make it longer than {least} m, better twice that"
             if scene.cell.count is not None:

@@ -104,8 +104,9 @@ class Varied(Part):
     def _check_lengths(self) -> Varied:
         lengths = {len(values) for values in self.together.values()}
         if len(lengths) > 1:
+            counts = ", ".join(f"{key} {len(values)}" for key, values in self.together.items())
             raise CaseError(
-                "together", sorted(lengths), "the lists differ in length", "make them equally long"
+                "together", counts, "the lists differ in length", "make them equally long"
             )
         return self
 

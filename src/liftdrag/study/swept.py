@@ -87,7 +87,7 @@ def status(
     states = states_of(begun.tasks.values(), begun.folder)
     with suppress(RunFailed):
         states = slurm.with_queue(states, begun.folder)
-    return conclude(begun, states)
+    return conclude(begun, states) if begun.folder.exists() else weighed(begun, states)
 
 
 class Begun:
@@ -109,20 +109,26 @@ def begin(
     return Begun(plan, folder, points)
 
 
-def conclude(begun: Begun, states: Mapping[str, State]) -> Studied:
-    """What the runs that have finished say, also in the study's folder. Raises RunFailed."""
+def weighed(begun: Begun, states: Mapping[str, State]) -> Studied:
+    """What the runs that have finished say."""
     results = {name: answer(point, states) for name, point in begun.points.items()}
     found = list(findings(begun.plan, results))
     grown = list(growths(begun.plan, results))
+    return Studied(begun.plan, begun.folder, results, found, grown)
+
+
+def conclude(begun: Begun, states: Mapping[str, State]) -> Studied:
+    """The same, written to the study's folder, too. Raises RunFailed."""
+    said = weighed(begun, states)
     try:
         begun.folder.mkdir(parents=True, exist_ok=True)
-        write_tables(begun.folder, begun.plan, results, found, grown)
-        draw(begun.folder, begun.plan, results)
+        write_tables(begun.folder, begun.plan, said.results, said.findings, said.growths)
+        draw(begun.folder, begun.plan, said.results)
     except OSError as error:
         status = "disk_full" if error.errno == errno.ENOSPC else "engine_error"
         where = f"Nothing was written to {begun.folder}"
         raise RunFailed(status, f"{where}: {error.strerror}.") from None
-    return Studied(begun.plan, begun.folder, results, found, grown)
+    return said
 
 
 def _check_counts(jobs: int | None, ranks: int | None) -> None:
