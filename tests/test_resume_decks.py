@@ -56,11 +56,11 @@ def resumed_at(folder: Path) -> list[tuple[str, int]]:
 @pytest.mark.parametrize(
     ("case", "engine", "stage", "step", "files"),
     [
-        pytest.param(LID, "lammps", "drive", 4000, OF_COLUMN, id="column under a lid"),
-        pytest.param(COLUMN, "liggghts", "drive", 4000, OF_COLUMN, id="column on LIGGGHTS"),
+        pytest.param(LID, "lammps", "drive", 2000, OF_COLUMN, id="column under a lid"),
+        pytest.param(COLUMN, "liggghts", "drive", 2000, OF_COLUMN, id="column on LIGGGHTS"),
         pytest.param(TANK, "liggghts", "drive", 2000, OF_TANK, id="tank on LIGGGHTS"),
         pytest.param(TANK, "liggghts", "settle", 600, OF_TANK, id="its settling", marks=slow),
-        pytest.param(COLUMN, "lmp", "drive", 4000, OF_COLUMN, id="column on lmp", marks=slow),
+        pytest.param(COLUMN, "lmp", "drive", 2000, OF_COLUMN, id="column on lmp", marks=slow),
     ],
 )
 def test_what_was_killed_goes_on_to_the_same_bits(case, engine, stage, step, files, tmp_path):
@@ -124,7 +124,7 @@ def test_the_logs_tell_the_phase_of_a_step(marks, step, phase):
 
 def test_a_file_that_liggghts_was_writing_is_passed_over(tmp_path):
     """It has no mark of its end: the log says which one is whole."""
-    folder = killed(tmp_path / "run", "drive", 4000, COLUMN, "liggghts")
+    folder = killed(tmp_path / "run", "drive", 2000, COLUMN, "liggghts")
     plan = Record.read(folder).plan
     newest = restart.latest(plan, folder, "log.liggghts")
     assert newest is not None
