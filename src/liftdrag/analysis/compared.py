@@ -12,7 +12,7 @@ import numpy as np
 from liftdrag import liu
 from liftdrag.analysis.quantity import Quantity, ratio
 
-COMPARED = ("shear_stress", "pressure")
+COMPARED = ("shear_stress", "pressure", "bulk_friction")
 """What the paper has a curve of."""
 
 

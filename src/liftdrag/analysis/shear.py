@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from liftdrag import liu
-from liftdrag.analysis.compared import COMPARED, Compared, compared
+from liftdrag.analysis.compared import Compared, compared
 from liftdrag.analysis.correlated import mean_of, ratio_of_means
 from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES
 from liftdrag.analysis.quantity import Quantity, shortcomings
@@ -19,6 +19,9 @@ from liftdrag.errors import InputError, SeriesTooShort
 from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
+
+STRESSES = ("shear_stress", "pressure")
+"""What must be steady."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def normalised(scene: ShearScene, sampled: Series) -> Series:
 def stresses(steady: Series) -> dict[str, Quantity]:
     """Shear stress, pressure and their ratio, of the steady rows."""
     shear, pressure = steady["shear_stress"], steady["pressure"]
-    found = {name: _mean(steady, name) for name in COMPARED}
+    found = {name: _mean(steady, name) for name in STRESSES}
     friction = ratio_of_means(shear, pressure, steady.interval)
     if friction is None:
         raise InputError("No grain touches another; shear the cell further, or fill it more.")
@@ -147,13 +150,13 @@ def _window(scene: ShearScene, series: Series) -> SteadyWindow:
             "begins; run the case again."
         )
     try:
-        return common_window([steady_window(series[name], start) for name in COMPARED])
+        return common_window([steady_window(series[name], start) for name in STRESSES])
     except SeriesTooShort:
         return SteadyWindow(start, len(series), float("nan"), False)
 
 
 def _warnings(scene: ShearScene, found: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]:
-    yield from shortcomings({name: found[name] for name in COMPARED}, window)
+    yield from shortcomings({name: found[name] for name in STRESSES}, window)
     slow = [name for name in ("order_parameter", "stack_size") if not found[name].converged]
     if slow:
         yield (

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liftdrag import liu
-from liftdrag.analysis.compared import COMPARED
 from liftdrag.analysis.quantity import Quantity, rounded
-from liftdrag.analysis.shear import ShearAnswers
+from liftdrag.analysis.shear import STRESSES, ShearAnswers
 from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 
@@ -108,7 +107,7 @@ def draw_order(scene: ShearScene, found: ShearAnswers, path: Path) -> None:
 
     figure = Figure(figsize=(9.5, 4.4), layout="constrained")
     row = figure.subplots(1, 2)
-    for axes, name in zip(row, COMPARED, strict=True):
+    for axes, name in zip(row, STRESSES, strict=True):
         _draw_against_order(axes, scene, found, name)
         axes.set_title(f"{name.replace('_', ' ')} {_text(found.quantities[name])}", loc="left")
     figure.colorbar(row[0].collections[0], ax=row, label="strain")
