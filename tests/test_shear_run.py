@@ -101,7 +101,6 @@ def test_engine_without_cylinders_is_refused(engine: str, out: Path):
 
 def test_what_a_shear_flow_has_not_is_refused_in_a_sentence(made: Result, out: Path):
     asked: list[tuple[Callable[[], Any], str]] = [
-        (lambda: run(tiny(), out, dump=True), "leaves looks.npz"),
         (lambda: bench(tiny(), out=out), "no bench"),
         (lambda: stress(tiny(), out=out), "no stress map"),
     ]

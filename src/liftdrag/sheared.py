@@ -34,6 +34,7 @@ from liftdrag.result import answered as quantities_of
 from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
+from liftdrag.trajectory import write_dump
 
 FILES = (RESULT, "series.csv", "structure.csv", "stress.csv", "flow.png", "cell.png", "order.png")
 
@@ -100,7 +101,10 @@ def _run(case: Case, asked: Asked, own: ExitStack) -> Result:
     enough = _enough(scene)
     outcome, result = carried_out(engine, record, folder, asked.progress, enough, asked.timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
-    return answered(folder, scene, record, result)
+    found = answered(folder, scene, record, result)
+    if asked.dump:
+        write_dump(folder)
+    return found
 
 
 def _enough(scene: ShearScene) -> Stopping | None:
