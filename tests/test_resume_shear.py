@@ -27,7 +27,12 @@ from liftdrag.resume import resume
 from liftdrag.runner import analyze, run
 
 CASE = tiny()
-STOPPED = tiny(stop={"quantity": "bulk_friction", "relative_error": 0.3}, drive={"strain": 30.0})
+STOPS = {
+    "precision": tiny(
+        stop={"quantity": "bulk_friction", "relative_error": 0.3}, drive={"strain": 30.0}
+    ),
+    "distance": tiny(stop={"relative_error": 1e-6}),
+}
 FILES = (STRESSES, LOOKS, "series.csv", "structure.csv", "stress.csv")
 
 
@@ -112,10 +117,11 @@ def test_a_shear_flow_goes_on_to_the_same_bits(rows: tuple[int, ...], whole: Pat
     assert resume(None, folder).record == result.record
 
 
-def test_a_flow_that_is_known_well_enough_ends_at_the_same_strain(tmp_path: Path):
-    known = run(STOPPED, tmp_path / "whole")
-    assert known.record["stopped_by"] == "precision"
-    folder = interrupted(tmp_path / "run", len(known.series) - 1, STOPPED)
+@pytest.mark.parametrize("end", STOPS)
+def test_a_flow_that_may_end_early_ends_at_the_same_strain(end: str, tmp_path: Path):
+    known = run(STOPS[end], tmp_path / "whole")
+    assert known.record["stopped_by"] == end
+    folder = interrupted(tmp_path / "run", len(known.series) - 1, STOPS[end])
     resume(None, folder)
     assert same(known.folder, folder)
     assert answers_of(folder) == answers_of(known.folder)

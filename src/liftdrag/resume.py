@@ -46,9 +46,9 @@ def resume(
 
     A run that has finished is only read again, one that never began is started. LAMMPS goes on
     from the last whole restart file, or anew where there is none yet; an ensemble with the
-    packings that have not finished; a column or a sheared cell of the in-house engine from its last
-    state kept.
-    Raises InputError where the run is another or cannot go on, RunFailed when it does not finish.
+    packings that have not finished; a column or a sheared cell of the in-house engine from the last
+    whole state that it kept. Raises InputError where the run is another or cannot go on, RunFailed
+    when it does not finish.
     """
     if out is None:
         raise InputError("--resume needs --out, the folder of the run to go on with.")
@@ -136,7 +136,7 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
 
 def _kept(record: Record, folder: Path) -> tuple[str, int] | None:
     """Where the last whole state of the in-house engine is; those that are damaged are told of."""
-    keeper = Keeper(folder, _DECKS[record.plan.start])
+    keeper = Keeper(folder, _DECKS.get(record.plan.start, ()))
     for name in keeper.damaged():
         _log.warning("%s is damaged and is passed over.", name)
     state = keeper.latest()
