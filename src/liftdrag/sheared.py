@@ -20,7 +20,7 @@ from liftdrag.deck import Deck
 from liftdrag.deck.shear import build, check_engine
 from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
-from liftdrag.engines.base import Engine
+from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.identity import identity
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import Asked, carried_out, write_deck
@@ -98,13 +98,25 @@ def _run(case: Case, asked: Asked, own: ExitStack) -> Result:
         estimate=expected.to_dict(),
         made_by=identity(engine),
     )
-    enough = _enough(scene)
-    outcome, result = carried_out(engine, record, folder, asked.progress, enough, asked.timeout_s)
+    outcome, found = gone_through(case, engine, record, folder, asked.progress, asked.timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
-    found = answered(folder, scene, record, result)
     if asked.dump:
         write_dump(folder)
     return found
+
+
+def gone_through(
+    case: Case,
+    engine: Engine,
+    record: Record,
+    folder: Path,
+    progress: Progress = silent,
+    timeout_s: float | None = None,
+) -> tuple[Outcome, Result]:
+    """The run of a deck in its folder, or the rest of it, and its answers."""
+    scene = scene_of(case)
+    outcome, result = carried_out(engine, record, folder, progress, _enough(scene), timeout_s)
+    return outcome, answered(folder, scene, record, result)
 
 
 def _enough(scene: ShearScene) -> Stopping | None:
