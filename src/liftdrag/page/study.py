@@ -47,7 +47,7 @@ def study_sheets(folder: Path) -> Iterator[Sheet]:
     plateaus = _rows(folder / SATURATIONS)
     yield Sheet(
         "Where it saturates",
-        ("of", "quantity", "plateau", "90 % of it at", "points"),
+        ("of", "quantity", "plateau", "90 % of it at", "finished points"),
         [
             (
                 _cell(row, "says"),
@@ -81,9 +81,8 @@ def _cell(row: Mapping[str, str], name: str) -> str:
 
 
 def _of_all(row: Mapping[str, str], name: str) -> str:
-    """How many of all are finished; all of them where a table of before does not say."""
-    many = row.get(name) or ""
-    return f"{row.get('finished') or many} of {many}"
+    """How many of all have finished, where the table says so."""
+    return f"{row['finished']} of {row[name]}" if row.get("finished") and row.get(name) else "-"
 
 
 def _marked(row: Mapping[str, str]) -> str:
