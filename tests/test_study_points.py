@@ -154,6 +154,21 @@ def test_bad_grid_is_refused(study: Path, old: str, new: str, says: str):
         points(study)
 
 
+def test_items_of_a_list_are_varied_by_number(tmp_path: Path):
+    file = tmp_path / "rods.study"
+    file.write_text(
+        'title = "t"\n[runs.rods]\ncase = "shear/quick"\n'
+        'set = { "species.1.aspect_ratio" = 0.5 }\n'
+        'grid = { "species.0.aspect_ratio" = [4, 8] }\n'
+    )
+    found = points(file)
+    assert list(found) == ["rods-aspect_ratio=4", "rods-aspect_ratio=8"]
+    assert [one.number("species.0.aspect_ratio") for one in found.values()] == [4.0, 8.0]
+    assert {one.number("species.1.aspect_ratio") for one in found.values()} == {0.5}
+    with pytest.raises(InputError, match=r"no number at .species\.2\.aspect_ratio."):
+        found["rods-aspect_ratio=4"].number("species.2.aspect_ratio")
+
+
 def test_setting_of_what_is_varied_is_refused(study: Path):
     with pytest.raises(InputError, match=r"varies 'intruder.depth'"):
         points(study, None, "intruder.depth=2 D")
