@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from liftdrag.case import MAX_BYTES, Case, keys, load, packaged, with_settings
+from liftdrag.case import MAX_BYTES, Case, load, packaged, parse, with_settings
 from liftdrag.errors import CaseError, InputError
+from liftdrag.refusals import keys
 from liftdrag.scene import TankScene
 
 CASE = Case(
@@ -420,6 +421,26 @@ def test_setting_of_the_command_line_sets_its_key_alone(setting: str, key: str, 
 
 def test_later_setting_wins():
     assert with_settings(CASE, ["seed=1", "seed=2"]).scene.seed == 2
+
+
+def test_items_of_a_list_are_set_by_number():
+    shear = load("shear/quick")
+    changed = with_settings(shear, ["species.1.aspect_ratio=0.2"])
+    first, second = shear.tables["species"]
+    assert changed.tables["species"] == [first, second | {"aspect_ratio": 0.2}]
+    assert shear.tables["species"][1]["aspect_ratio"] == 0.3
+    assert changed.scene.species[1].aspect_ratio == 0.2
+    whole = shear.set("species.0", {"aspect_ratio": 2.0, "share": 0.5})
+    assert whole.scene.species[0].aspect_ratio == 2.0
+
+
+@pytest.mark.parametrize("many", [10, 4000])
+def test_list_of_numbers_may_be_as_long_as_the_file(many: int):
+    seeds = list(range(1, many))
+    assert parse(f"seed = {seeds} # seeds", "case")["seed"] == seeds
+    some = [k / 8.0 for k in seeds]
+    assert parse(f"grid = {{ x = {some}, y = [ -1e-5 ,2 ] }}", "case")["grid"]["x"] == some
+    assert with_settings(CASE, [f"stop.quantity={seeds}"]).tables["stop"]["quantity"] == seeds
 
 
 @pytest.mark.parametrize("setting", ["seed", "", "seed 7"])

@@ -320,8 +320,8 @@ def test_a_study_of_grids_shows_its_points_and_what_it_lacks(tmp_path: Path):
         "point,status,quantity,mean,standard_error,unit\na,missing,drag,9,1,N\n"
     )
     (folder / "saturations.csv").write_text(
-        "says,quantity,plateau,plateau_error,depth,depth_error,saturates\n"
-        "small,lift_coefficient,30,2,11,1,True\nlarge,lift_coefficient,1,2,3,4,False\n"
+        "says,quantity,plateau,plateau_error,depth,depth_error,saturates,finished,points\n"
+        "small,lift_coefficient,30,2,11,1,True,4,5\nlarge,lift_coefficient,1,2,3,4,False,5,5\n"
     )
     page = read([folder], tmp_path / "page.html")
     check_sound(page)
@@ -329,8 +329,8 @@ def test_a_study_of_grids_shows_its_points_and_what_it_lacks(tmp_path: Path):
     assert page.table("Runs")["a-1f"][0] == "finished"
     assert page.table("Every quantity of every point")["a"] == ["9.0 ± 1.0 N"]
     assert page.table("Where it saturates") == {
-        "of": ["quantity", "plateau", "90 % of it at"],
-        "small": ["lift coefficient", "30.0 ± 2.0", "11.0 ± 1.0"],
+        "of": ["quantity", "plateau", "90 % of it at", "finished points"],
+        "small": ["lift coefficient", "30.0 ± 2.0", "11.0 ± 1.0", "4 of 5"],
     }
 
 

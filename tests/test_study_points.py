@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import product
 from math import exp, log, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import TINY
+from matplotlib.axes import Axes as Panel
+from matplotlib.figure import Figure
+from rich.console import Console
 
 from liftdrag.analysis.quantity import Quantity
 from liftdrag.errors import InputError
+from liftdrag.page.study import study_sheets
+from liftdrag.pictures import study as pictures
 from liftdrag.pictures.study import Line
 from liftdrag.study import read
 from liftdrag.study.carried import answer
 from liftdrag.study.drawn import draw
-from liftdrag.study.findings import growths
+from liftdrag.study.findings import findings, growths
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.state import State
+from liftdrag.study.studied import Studied
 from liftdrag.study.tables import _write, write_tables
 from liftdrag.study.tasks import Task, distinct, tasks_of
+from liftdrag.terminal import growth_lines, run_table
 
 STUDY = """
 title = "Depth"
@@ -145,6 +154,21 @@ def test_bad_grid_is_refused(study: Path, old: str, new: str, says: str):
         points(study)
 
 
+def test_items_of_a_list_are_varied_by_number(tmp_path: Path):
+    file = tmp_path / "rods.study"
+    file.write_text(
+        'title = "t"\n[runs.rods]\ncase = "shear/quick"\n'
+        'set = { "species.1.aspect_ratio" = 0.5 }\n'
+        'grid = { "species.0.aspect_ratio" = [4, 8] }\n'
+    )
+    found = points(file)
+    assert list(found) == ["rods-aspect_ratio=4", "rods-aspect_ratio=8"]
+    assert [one.number("species.0.aspect_ratio") for one in found.values()] == [4.0, 8.0]
+    assert {one.number("species.1.aspect_ratio") for one in found.values()} == {0.5}
+    with pytest.raises(InputError, match=r"no number at .species\.2\.aspect_ratio."):
+        found["rods-aspect_ratio=4"].number("species.2.aspect_ratio")
+
+
 def test_setting_of_what_is_varied_is_refused(study: Path):
     with pytest.raises(InputError, match=r"varies 'intruder.depth'"):
         points(study, None, "intruder.depth=2 D")
@@ -188,9 +212,97 @@ def test_error_of_a_point_is_the_larger_of_scatter_and_series(
     }
     assert found.mean == pytest.approx(1.6)
     assert found.standard_error == pytest.approx(by[expected])
-    states[tasks[1].digest] = State("interrupted", "it was killed")
-    assert answer(point, states).status == "interrupted"
+
+
+def test_point_answers_with_the_replicas_that_it_has(study: Path):
+    """None, then one, as it is, then two, pooled: of three."""
+    point = points(study, "large")["plain-depth=3D"]
+    states = {task.digest: State("missing") for task in tasks_of(point)}
     assert answer(point, states).quantities == {}
+    found = list[tuple[float, float]]()
+    for digest, mean in zip(list(states)[1:], (1.5, 2.3), strict=True):
+        states[digest] = drag(mean, 0.01)
+        partial = answer(point, states)
+        found.append((partial.quantities["drag"].mean, partial.quantities["drag"].standard_error))
+        assert not partial.whole
+    assert partial.replicas == (2, 3)
+    assert found == [(1.5, 0.01), pytest.approx((1.9, np.std([1.5, 2.3], ddof=1) / sqrt(2)))]
+
+
+def test_claim_on_a_point_without_all_its_replicas_is_not_decided(study: Path):
+    """However clear it looks; it is with the last one."""
+    text = study.read_text() + '[[claims]]\nsays = "more"\nlarger = "plain-depth=4D"\n'
+    study.write_text(text + 'smaller = "plain-depth=3D"\n')
+    plan, found = read(str(study)), points(study)
+    less, more = found["plain-depth=3D"], found["plain-depth=4D"]
+    states = {digest: State("missing") for digest in distinct(found.values())}
+    said = list[tuple[float, float, str]]()
+    for task in [*tasks_of(less), *tasks_of(more)]:
+        states[task.digest] = drag(1.0 if task in tasks_of(less) else 9.0, 0.1)
+        results = {name: answer(point, states) for name, point in found.items()}
+        said += [(one.size, one.p_value < 1e-9, one.verdict) for _, one in findings(plan, results)]
+    assert said == [(8.0, True, "unfinished"), (8.0, True, "supported")]
+
+
+def test_point_says_of_how_many_replicas_it_is(study: Path, tmp_path: Path):
+    """On the terminal, in the table and on the page; a whole one says nothing on the page."""
+    plan, found = read(str(study)), points(study)
+    states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
+    states[tasks_of(found["plain-depth=4D"])[0].digest] = State("running")
+    results = {name: answer(point, states) for name, point in found.items()}
+    with (tmp_path / "said").open("w") as file:
+        shown = run_table(Studied(plan, tmp_path, results, []))
+        Console(file=file, width=120).print(shown)
+    said = [line for line in (tmp_path / "said").read_text().split("\n") if "replicas" in line]
+    assert len(said) == 1
+    assert re.search(r"plain-depth=4D .* 1\.00 ± 0\.10 N .*running, 1 of 2 replicas", said[0])
+    write_tables(tmp_path, plan, results, [])
+    rows = pd.read_csv(tmp_path / "points.csv").groupby("point")[["finished", "replicas"]].first()
+    assert rows.loc["plain-depth=4D"].tolist() == [1, 2]
+    assert rows.loc["plain-depth=3D"].tolist() == [2, 2]
+    (names,) = (
+        [row[0] for row in sheet.rows]
+        for sheet in study_sheets(tmp_path)
+        if sheet.headings[0] == "point"
+    )
+    assert names[:2] == ["plain-depth=3D", "plain-depth=4D (1 of 2 replicas)"]
+
+
+def test_picture_has_errors_both_ways_and_open_markers(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """As matplotlib was told: 0.1 N and, of a lift against it, the same over the diameter."""
+    study.write_text(
+        study.read_text()
+        + '[[pictures]]\nfile = "a.png"\ntitle = "t"\nagainst = "lift"\n'
+        + 'over = "intruder.diameter"\ngroups = [["plain"]]\n'
+        + '[[pictures]]\nfile = "b.png"\ntitle = "t"\ngroups = [["plain"]]\n'
+    )
+    panels, finish = list[Panel](), pictures._finish
+
+    def watched(figure: Figure, panel: Panel, *rest: Any) -> None:
+        panels.append(panel)
+        finish(figure, panel, *rest)
+
+    monkeypatch.setattr(pictures, "_finish", watched)
+    plan, found = read(str(study)), points(study)
+    states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
+    states[tasks_of(found["plain-depth=4D"])[0].digest] = State("missing")
+    draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
+    lines, bars = panels
+    (drawn,) = lines.containers
+    assert drawn.has_xerr
+    assert drawn.has_yerr
+    across = drawn.lines[2][0].get_segments()
+    big = 1.5 * 1.5e-3
+    assert np.ptp(across[1], axis=0) == pytest.approx([2 * 0.1 / big, 0.0])
+    open_ = [line for line in lines.lines if line.get_markerfacecolor() == "white"]
+    assert [len(line.get_xdata()) for line in open_] == [1, 0]
+    assert open_[0].get_xdata() == pytest.approx([0.25 / big])
+    faces = [bar.get_facecolor()[3] for bar in bars.patches]
+    assert faces == [1.0, 0.0, 0.0]
+    for panel in panels:
+        assert pictures.OPEN in [text.get_text() for text in panel.get_legend().get_texts()]
 
 
 def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path, tmp_path: Path):
@@ -202,8 +314,8 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     study.write_text(study.read_text() + picture)
     plan, found = read(str(study)), points(study)
     states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
-    gone = tasks_of(found["plain-depth=4D"])[0]
-    states[gone.digest] = State("failed", "lost_grains: 3")
+    for gone in tasks_of(found["plain-depth=4D"]):
+        states[gone.digest] = State("failed", "lost_grains: 3")
     results = {name: answer(point, states) for name, point in found.items()}
     write_tables(tmp_path, plan, results, [])
     whole = pd.read_csv(tmp_path / "points.csv")
@@ -219,8 +331,8 @@ def test_tables_have_values_in_si_units_and_a_row_for_each_quantity(study: Path,
     assert list(same.columns) == list(whole.columns)
     np.testing.assert_array_equal(same["mean"], whole["mean"])
     runs = pd.read_csv(tmp_path / "runs.csv")
-    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed", *["finished"] * 2]
-    assert list(rows.columns[5:8]) == ["grains.friction", "drive.distance", "intruder.depth"]
+    assert list(runs[runs.point == "plain-depth=4D"].status) == ["failed"] * 2
+    assert list(rows.columns[6:9]) == ["grains.friction", "drive.distance", "intruder.depth"]
     draw(tmp_path, plan, results)
     assert (tmp_path / "drag.png").read_bytes().startswith(b"\x89PNG")
 
@@ -272,9 +384,28 @@ def test_growth_of_a_run_is_fitted_and_written(study: Path, tmp_path: Path):
     grown = list(growths(plan, results))
     write_tables(tmp_path, plan, results, [], grown)
     row = pd.read_csv(tmp_path / "saturations.csv").iloc[0]
+    assert (row.finished, row.points) == (6, 6)
     assert row.plateau == pytest.approx(30.0, rel=1e-4)
     assert row.depth == pytest.approx(5.0 * log(10.0), rel=1e-4)
     assert row.saturates
+
+
+def test_growth_says_which_points_are_unfinished(study: Path, tmp_path: Path):
+    """Of four points of two replicas one lacks one, and one has none at all."""
+    growth = '[[saturations]]\nsays = "g"\nrun = "plain"\nquantity = "drag"\n'
+    growth += 'against = "intruder.depth"\n'
+    text = study.read_text().replace('["3 D", "4 D"]', '["2 D", "2.5 D", "3 D", "4 D"]')
+    study.write_text(text + growth)
+    plan, found = read(str(study)), points(study)
+    first = [tasks_of(found[f"plain-depth={k}D"]) for k in (2, 2.5, 3)]
+    states = {digest: State("missing") for digest in distinct(found.values())}
+    states |= {task.digest: drag(1.0, 0.1) for tasks in first for task in tasks}
+    states[first[2][1].digest] = State("running")
+    results = {name: answer(point, states) for name, point in found.items()}
+    (grown,) = growths(plan, results)
+    assert (grown.finished, grown.points) == (2, 4)
+    (line,) = growth_lines(Studied(plan, tmp_path, results, [], [grown]))
+    assert "so far: 2 of 4 points have all their replicas." in line
 
 
 def test_table_of_words_and_numbers_goes_to_parquet_as_words(tmp_path: Path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,13 +12,13 @@ from functools import cached_property
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, NoReturn, get_args
+from typing import Any, get_args
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
 
 from liftdrag.errors import CaseError, InputError, escaped, shown
 from liftdrag.files import is_file, read_bytes
+from liftdrag.refusals import NO_TABLE, in_words, refusal
 from liftdrag.scene import SCENES, Scene
 from liftdrag.scene.quantities import Length
 
@@ -26,6 +27,10 @@ MAX_BYTES = 100_000
 
 MAX_LINE = 1000
 """Characters of its longest line: a key with thousands of dots takes Python hours to read."""
+
+_NUMBER = r"[-+]?+\d++(?:\.\d++)?+(?:[eE][-+]?+\d++)?+"
+_NUMBERS = re.compile(rf"\[(?:\s*+{_NUMBER}\s*+,)*+\s*+(?:{_NUMBER}\s*+)?+\]", re.ASCII)
+"""A list of numbers, which has commas where a key has its dots; read in one go, without a retry."""
 
 MOST_ERRORS = 10
 """Wrong keys that get a sentence each."""
@@ -44,15 +49,20 @@ class Case:
         return _scene(self.tables)
 
     def set(self, key: str, value: object) -> Case:
-        """A new case in which the dotted `key` ("intruder.depth") has `value` ("8 D")."""
+        """A new case in which the dotted `key` ("intruder.depth") has `value` ("8 D").
+
+        Items of a list have numbers ("species.0.share"). Raises CaseError where there is no such.
+        """
         tables = copy.deepcopy(dict(self.tables))
         *path, last = _split(key)
-        table = tables
+        place: Any = tables
         for name in path:
-            table = table.setdefault(name, {})
-            if not isinstance(table, dict):
+            if isinstance(place, dict):
+                place.setdefault(name, {})
+            place = place[_index(place, name, key, value)]
+            if not isinstance(place, dict | list):
                 raise CaseError(key, None, f"{name} is not a table of the case", _see_schema())
-        table[last] = value
+        place[_index(place, last, key, value)] = value
         return Case(self.name, tables)
 
 
@@ -116,8 +126,11 @@ def parse(text: str, name: str) -> dict[str, Any]:
     """The tables of a TOML text called `name`. Raises InputError when it is none."""
     if text.startswith("\ufeff"):
         raise InputError(f"The {name} begins with a byte-order mark; save it as UTF-8 without.")
-    if max(map(len, text.split("\n"))) > MAX_LINE:
-        raise InputError(f"The {name} has a line of over {MAX_LINE} characters; is it one?")
+    if _longest_line(text) > MAX_LINE:
+        raise InputError(
+            f"The {name} has a line of over {MAX_LINE} characters beside lists of numbers; is it "
+            "one?"
+        )
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -128,6 +141,11 @@ def parse(text: str, name: str) -> dict[str, Any]:
         raise InputError(f"The {name} cannot be read as TOML: {error}.") from None
 
 
+def _longest_line(text: str) -> int:
+    """Characters of the longest line, on which a list of numbers counts for nothing."""
+    return max(len(_NUMBERS.sub("", line)) for line in text.split("\n"))
+
+
 def _split(key: str) -> list[str]:
     names = [name.strip() for name in key.split(".")]
     if not all(names) or len(names) > 4:
@@ -135,8 +153,19 @@ def _split(key: str) -> list[str]:
     return names
 
 
+def _index(place: dict[str, Any] | list[Any], name: str, key: str, value: object) -> Any:
+    """Where the name leads in a table, or the number in a list."""
+    if isinstance(place, dict):
+        return name
+    numbers = [str(k) for k in range(len(place))]
+    if name not in numbers:
+        known = f"choose one of {', '.join(numbers)}" if numbers else "give the whole list"
+        raise CaseError(key, value, f"the list has no item {shown(name)}", known)
+    return int(name)
+
+
 def _value(text: str) -> object:
-    if len(text) > MAX_LINE:
+    if _longest_line(text) > MAX_LINE:
         return text
     try:
         parsed = tomllib.loads(f"value = {text}")
@@ -156,13 +185,14 @@ def _scene(tables: Mapping[str, Any]) -> Scene:
         return model.model_validate(dict(tables), context=_diameters(tables))
     except ValidationError as error:
         details = error.errors()
-        sentences = [_sentence(detail, model) for detail in details[:MOST_ERRORS]]
+        see = _see_schema(model)
+        sentences = [refusal(detail, model, see) for detail in details[:MOST_ERRORS]]
         raise _joined(sentences, len(details) - len(sentences)) from None
 
 
 def _joined(errors: list[CaseError], more: int) -> InputError:
     """One error of all; a table that is none makes other keys wrong too, and is named alone."""
-    tables = [error for error in errors if error.problem == _NO_TABLE]
+    tables = [error for error in errors if error.problem == NO_TABLE]
     errors = tables or errors
     if len(errors) == 1 and not more:
         return errors[0]
@@ -192,49 +222,5 @@ def _diameter(key: str, value: object, known: dict[str, float]) -> float:
     try:
         return float(TypeAdapter(Length).validate_python(value, context=known))
     except ValidationError as error:
-        _refuse(key, value, error.errors()[0])
-
-
-def _refuse(key: str, value: object, detail: ErrorDetails) -> NoReturn:
-    problem, remedy = _words(detail)
-    raise CaseError(key, value, problem, remedy)
-
-
-_NO_TABLE = "this should be a table of keys"
-
-
-def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> CaseError:
-    error = detail.get("ctx", {}).get("error")
-    if isinstance(error, CaseError):
-        return error
-    key = ".".join(map(str, detail["loc"]))
-    if detail["type"] == "extra_forbidden":
-        return CaseError(key, None, "this key is unknown", _did_you_mean(key, model))
-    if detail["type"] == "missing":
-        remedy = "add it: nothing that the answer depends on is guessed"
-        return CaseError(key, None, "this key is missing", remedy)
-    if detail["type"] == "model_type":
-        return CaseError(key, detail["input"], _NO_TABLE, _see_schema(model))
-    problem, remedy = _words(detail, model)
-    return CaseError(key, detail["input"], problem, remedy)
-
-
-def _words(detail: ErrorDetails, model: type[BaseModel] | None = None) -> tuple[str, str]:
-    error = detail.get("ctx", {}).get("error")
-    text = str(error) if error else detail["msg"].replace("Input should be", "this should be")
-    problem, _, remedy = text.partition("; ")
-    return problem, remedy or _see_schema(model)
-
-
-def _did_you_mean(key: str, model: type[BaseModel]) -> str:
-    close = difflib.get_close_matches(key, list(keys(model)), n=1, cutoff=0.5)
-    return f"did you mean {close[0]}" if close else _see_schema(model)
-
-
-def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    """Every dotted key of a scene's case file."""
-    for name, field in model.model_fields.items():
-        yield prefix + name
-        for kind in (field.annotation, *get_args(field.annotation)):
-            if isinstance(kind, type) and issubclass(kind, BaseModel):
-                yield from keys(kind, f"{prefix}{name}.")
+        problem, remedy = in_words(error.errors()[0])
+        raise CaseError(key, value, problem, remedy or _see_schema()) from None

@@ -60,13 +60,14 @@ class Record:
     def read(cls, folder: Path) -> Record:
         """The record of a folder. Raises InputError when it is missing or damaged."""
         found = read_json(folder / RECORD)
-        try:
+        with contextlib.suppress(ValidationError):
             record = TypeAdapter(cls).validate_json(json.dumps(found), strict=True)
-        except ValidationError:
-            raise _damaged(folder / RECORD) from None
-        if not _is_sound(record.plan):
-            raise _damaged(folder / RECORD)
-        return record
+            if _is_sound(record.plan):
+                return record
+        raise InputError(
+            f"The folder {escaped(str(folder))} holds no whole record of a run: its {RECORD} is "
+            "damaged; remove the folder and run the case again."
+        )
 
 
 def _is_sound(plan: Plan) -> bool:

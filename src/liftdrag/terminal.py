@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from liftdrag.result import Result
     from liftdrag.stress import Stressed
     from liftdrag.study import Studied
+    from liftdrag.study.carried import Answer
+    from liftdrag.study.findings import Grown
     from liftdrag.verify import Verified
 
 MOST_TOLD = 20
@@ -141,14 +143,20 @@ def run_table(found: Studied) -> Table:
     studied = [name for name in _STUDIED if name in known]
     for name in studied:
         result.add_column(name, overflow="fold")
-    finished = all(one.status == "finished" for one in found.results.values())
+    finished = all(one.whole for one in found.results.values())
     if not finished:
         result.add_column("status")
     for name, one in found.results.items():
         cells = (one.quantities.get(quantity) for quantity in studied)
         shown = ("-" if cell is None else _with_error(cell) for cell in cells)
-        result.add_row(name, *shown, *([] if finished else [one.status]))
+        result.add_row(name, *shown, *([] if finished else [_so_far(one)]))
     return result
+
+
+def _so_far(one: Answer) -> str:
+    """The status of a point, and how many of its replicas its numbers are of."""
+    done, many = one.replicas
+    return f"{one.status}, {done} of {many} replicas" if done and not one.whole else one.status
 
 
 _STUDIED = (
@@ -177,17 +185,27 @@ def _with_error(quantity: Quantity) -> str:
 
 def growth_lines(found: Studied) -> Iterator[str]:
     """Where each growing quantity of a study saturates, a line for each."""
-    for growth, at in found.growths:
+    for grown in found.growths:
+        growth, at = grown.growth, grown.saturation
         over = f" / {growth.over}" if growth.over else ""
         if not at.saturates:
-            yield f"{growth.says}: {growth.quantity} has no plateau over these points."
+            none = f"{growth.quantity} has no plateau over these points"
+            yield f"{growth.says}: {none}{_left(grown)}."
             continue
         plateau = " ± ".join(rounded(at.plateau, at.plateau_error))
         depth = " ± ".join(rounded(at.depth, at.depth_error))
         yield (
             f"{growth.says}: {growth.quantity} saturates at {plateau}, and has 90 % of it at "
-            f"{growth.against}{over} = {depth} (chi-square {at.chi_square:.1f} of {at.freedom})."
+            f"{growth.against}{over} = {depth} (chi-square {at.chi_square:.1f} of {at.freedom})"
+            f"{_left(grown)}."
         )
+
+
+def _left(grown: Grown) -> str:
+    """What a fit still lacks, if anything."""
+    if grown.finished == grown.points:
+        return ""
+    return f", so far: {grown.finished} of {grown.points} points have all their replicas"
 
 
 def claim_table(found: Studied) -> Table:

@@ -47,19 +47,20 @@ def study_sheets(folder: Path) -> Iterator[Sheet]:
     plateaus = _rows(folder / SATURATIONS)
     yield Sheet(
         "Where it saturates",
-        ("of", "quantity", "plateau", "90 % of it at"),
+        ("of", "quantity", "plateau", "90 % of it at", "finished points"),
         [
             (
                 _cell(row, "says"),
                 words(_cell(row, "quantity")),
                 _with_error(row.get("plateau"), row.get("plateau_error"), None),
                 _with_error(row.get("depth"), row.get("depth_error"), None),
+                _of_all(row, "points"),
             )
             for row in plateaus
             if row.get("saturates") == "True"
         ],
     )
-    yield _quantities("point", _rows(folder / POINTS))
+    yield _quantities("point", [row | {"point": _marked(row)} for row in _rows(folder / POINTS)])
     yield _quantities("run", _rows(folder / RUNS))
 
 
@@ -77,6 +78,17 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def _cell(row: Mapping[str, str], name: str) -> str:
     return row.get(name) or "-"
+
+
+def _of_all(row: Mapping[str, str], name: str) -> str:
+    """How many of all have finished, where the table says so."""
+    return f"{row['finished']} of {row[name]}" if row.get("finished") and row.get(name) else "-"
+
+
+def _marked(row: Mapping[str, str]) -> str:
+    """The point, and how many of its replicas have finished where that is not all."""
+    point, done, many = (row.get(name) or "" for name in ("point", "finished", "replicas"))
+    return point if done in ("", many) else f"{point} ({_of_all(row, 'replicas')} replicas)"
 
 
 def _difference(row: Mapping[str, str]) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from liftdrag.analysis.quantity import Quantity
 
@@ -16,6 +16,13 @@ if TYPE_CHECKING:
 
 LONG = 8
 """Letters of a name that takes the room of more than its bar."""
+
+COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple")
+
+OPEN = "open: not all replicas"
+"""What the legend says of points that are not finished."""
+
+_OPEN: dict[str, Any] = {"marker": "o", "linestyle": "", "markerfacecolor": "white", "zorder": 3.0}
 
 
 @dataclass(frozen=True)
@@ -30,28 +37,45 @@ class Axes:
 
 @dataclass(frozen=True)
 class Line:
-    """Quantities (n) at places (n,) along the x axis, and what they are called."""
+    """Quantities (n) at places (n,) along the x axis, and what they are called.
+
+    `errors` (n,) are those of the places; `whole` (n,) says which points lack no replica.
+    """
 
     label: str
     places: Sequence[float]
     quantities: Sequence[Quantity]
+    errors: Sequence[float]
+    whole: Sequence[bool]
+
+    def ordered(self) -> Line:
+        """The same from left to right."""
+        order = sorted(range(len(self.places)), key=self.places.__getitem__)
+        return Line(
+            self.label,
+            [self.places[k] for k in order],
+            [self.quantities[k] for k in order],
+            [self.errors[k] for k in order],
+            [self.whole[k] for k in order],
+        )
 
 
 def draw_bars(
     title: str,
     groups: Sequence[Sequence[str]],
     quantities: Mapping[str, Quantity],
+    unfinished: Set[str],
     axes: Axes,
     path: Path,
 ) -> None:
-    """A bar of a quantity and its error for each run, by groups (Figs. 13 and 14)."""
+    """A bar of a quantity and its error for each run, by groups; open for `unfinished` ones."""
     figure, panel = _panel()
     place, ticks, names = 0.0, list[float](), list[str]()
     for group in groups:
         for k, run in enumerate(group):
             found = quantities[run]
-            colour = ("tab:blue", "tab:orange", "tab:green", "tab:purple")[k % 4]
-            panel.bar(place, found.mean, color=colour if len(group) > 1 else "tab:blue", width=0.8)
+            colour = COLOURS[k % len(COLOURS)]
+            panel.bar(place, found.mean, width=0.8, **_filled(colour, run not in unfinished))
             panel.errorbar(place, found.mean, found.standard_error, color="0.1", capsize=4.0)
             ticks.append(place)
             names.append(run)
@@ -59,26 +83,42 @@ def draw_bars(
         place += 0.5
     long = max(map(len, names)) > LONG
     panel.set_xticks(ticks, names, rotation=30 if long else 0, ha="right" if long else "center")
+    if unfinished & set(names):
+        panel.bar(0.0, 0.0, label=OPEN, **_filled("0.3", False))
     _finish(figure, panel, title, axes, quantities[names[0]].unit, path)
 
 
+def _filled(colour: str, whole: bool) -> dict[str, Any]:
+    return {"facecolor": colour if whole else "none", "edgecolor": colour}
+
+
 def draw_lines(title: str, lines: Sequence[Line], axes: Axes, path: Path) -> None:
-    """Points with their errors against their places, joined to lines."""
+    """Points with their errors against their places, joined to lines; unfinished ones are open."""
     figure, panel = _panel()
     for line in lines:
-        order = sorted(range(len(line.places)), key=line.places.__getitem__)
-        panel.errorbar(
-            [line.places[k] for k in order],
-            [line.quantities[k].mean for k in order],
-            [line.quantities[k].standard_error for k in order],
-            marker="o",
-            capsize=4.0,
-            label=line.label or None,
-        )
+        _draw_line(panel, line.ordered())
+    if not all(all(line.whole) for line in lines):
+        panel.plot([], [], color="0.3", label=OPEN, **_OPEN)
     panel.set_xlabel(axes.x)
     if "x" in axes.logarithmic:
         panel.set_xscale("log")
     _finish(figure, panel, title, axes, lines[0].quantities[0].unit, path)
+
+
+def _draw_line(panel: Panel, line: Line) -> None:
+    means = [one.mean for one in line.quantities]
+    drawn = panel.errorbar(
+        line.places,
+        means,
+        [one.standard_error for one in line.quantities],
+        line.errors if any(line.errors) else None,
+        marker="o",
+        capsize=4.0,
+        label=line.label or None,
+    )
+    for place, mean, whole in zip(line.places, means, line.whole, strict=True):
+        if not whole:
+            panel.plot(place, mean, color=drawn.lines[0].get_color(), **_OPEN)
 
 
 def _panel() -> tuple[Figure, Panel]:
@@ -96,7 +136,8 @@ def _finish(figure: Figure, panel: Panel, title: str, axes: Axes, unit: str, pat
         panel.set_yscale("log")
     elif panel.get_ylim()[0] > 0.0:
         panel.set_ylim(bottom=0.0)
-    if len(panel.get_legend_handles_labels()[1]) > (0 if axes.levels else 1):
+    labels = panel.get_legend_handles_labels()[1]
+    if len(labels) > 1 or axes.levels or OPEN in labels:
         panel.legend(fontsize="small")
     panel.set_title(title, loc="left", fontsize="medium", parse_math=False)
     figure.savefig(path, dpi=150)

@@ -1,20 +1,18 @@
-"""What the runs of a study answered, point by point."""
+"""What the runs of a point of a study answered."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from liftdrag.analysis.claims import Finding
 from liftdrag.analysis.precision import hidden_scatter, pooled
 from liftdrag.analysis.quantity import Quantity
-from liftdrag.analysis.saturation import Saturation
 from liftdrag.ensemble import PACKINGS, each_of
-from liftdrag.errors import InputError, RunFailed, shown
-from liftdrag.study.plan import Claim, Growth, Plan, is_quantity
+from liftdrag.errors import InputError, shown
+from liftdrag.study.plan import is_quantity
 from liftdrag.study.points import Point
 from liftdrag.study.state import STATUSES, State
 from liftdrag.study.tasks import Task, tasks_of
@@ -22,7 +20,7 @@ from liftdrag.study.tasks import Task, tasks_of
 
 @dataclass(frozen=True)
 class Answer:
-    """A point, its tasks and the state of each; `quantities` once all of them have finished."""
+    """A point, its tasks and the state of each; `quantities` of those tasks that have finished."""
 
     point: Point
     runs: tuple[tuple[Task, State], ...]
@@ -32,6 +30,16 @@ class Answer:
     def status(self) -> str:
         """Finished, or how far the run is that has come least far."""
         return max((state.status for _, state in self.runs), key=STATUSES.index)
+
+    @property
+    def replicas(self) -> tuple[int, int]:
+        """How many of its runs have finished, and how many there are."""
+        return sum(state.finished for _, state in self.runs), len(self.runs)
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of its runs have finished."""
+        return self.status == "finished"
 
     @property
     def folder(self) -> Path | None:
@@ -47,11 +55,16 @@ class Answer:
             )
         return self.quantities[name]
 
-    def place(self, against: str, over: str | None = None) -> float:
-        """The number of a key or a quantity, over that of the key `over` where there is one."""
-        own = is_quantity(against)
-        value = self.quantity(against).mean if own else self.point.number(against)
-        return value / self.point.number(over) if over else value
+    def place(self, against: str, over: str | None = None) -> tuple[float, float]:
+        """The number of a key or a quantity and its standard error, 0 of a key.
+
+        Both are over the number of the key `over` where there is one.
+        """
+        scale = self.point.number(over) if over else 1.0
+        if not is_quantity(against):
+            return self.point.number(against) / scale, 0.0
+        found = self.quantity(against)
+        return found.mean / scale, found.standard_error / abs(scale)
 
     def each(self, name: str) -> np.ndarray | None:
         """The quantity of each packing (n,) of an ensemble, None where it is of one series."""
@@ -63,9 +76,8 @@ class Answer:
 def answer(point: Point, states: Mapping[str, State]) -> Answer:
     """The answer of a point from the states of the tasks by digest."""
     runs = tuple((task, states[task.digest]) for task in tasks_of(point))
-    if not all(state.finished for _, state in runs):
-        return Answer(point, runs, {})
-    return Answer(point, runs, dict(_pooled([state.quantities for _, state in runs])))
+    done = [state.quantities for _, state in runs if state.finished]
+    return Answer(point, runs, dict(_pooled(done)) if done else {})
 
 
 def _pooled(runs: list[Mapping[str, Quantity]]) -> Iterator[tuple[str, Quantity]]:
@@ -79,31 +91,3 @@ def _pooled(runs: list[Mapping[str, Quantity]]) -> Iterator[tuple[str, Quantity]
             yield name, group[0]
         elif len(group) == len(runs):
             yield name, pooled(group, hidden_scatter([group]))
-
-
-@dataclass(frozen=True)
-class Studied:
-    """The results of a study's points by name, and what they say of its claims, in its folder."""
-
-    plan: Plan
-    folder: Path
-    results: Mapping[str, Answer]
-    findings: list[tuple[Claim, Finding]]
-    growths: list[tuple[Growth, Saturation]] = field(default_factory=list)
-
-    @property
-    def unfinished(self) -> Iterator[tuple[str, State]]:
-        """The runs that have not finished, by name."""
-        for one in self.results.values():
-            for task, state in one.runs:
-                if not state.finished:
-                    yield task.name, state
-
-    def check(self) -> None:
-        """Raise RunFailed when a run has not finished, with a line for each."""
-        left = dict(self.unfinished)
-        if left:
-            lines = [f"{name}: {state.reason or state.status}" for name, state in left.items()]
-            total = len({task.digest for one in self.results.values() for task, _ in one.runs})
-            head = f"{len(left)} of {total} runs have not finished; the same command goes on."
-            raise RunFailed("engine_error", "\n".join([head, *lines]))

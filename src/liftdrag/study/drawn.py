@@ -46,7 +46,8 @@ def _draw_bars(
 ) -> None:
     names = [[point.name for point in group] for group in groups]
     found = {name: results[name].quantity(picture.quantity) for group in names for name in group}
-    draw_bars(picture.title, names, found, _axes(picture), folder / picture.file)
+    unfinished = {name for name in found if not results[name].whole}
+    draw_bars(picture.title, names, found, unfinished, _axes(picture), folder / picture.file)
 
 
 def _draw_lines(
@@ -58,11 +59,19 @@ def _draw_lines(
     lines = []
     for name, group in groups:
         for label, points in _lines(name, group, picture.against or ""):
-            answers = [results[point.name] for point in points]
-            places = [one.place(picture.against or "", picture.over) for one in answers]
-            found = [one.quantity(picture.quantity) for one in answers]
-            lines.append(Line(label, places, found))
+            lines.append(_line(picture, label, [results[point.name] for point in points]))
     draw_lines(picture.title, lines, _axes(picture), folder / picture.file)
+
+
+def _line(picture: Picture, label: str, answers: Sequence[Answer]) -> Line:
+    places = [one.place(picture.against or "", picture.over) for one in answers]
+    return Line(
+        label,
+        [place for place, _ in places],
+        [one.quantity(picture.quantity) for one in answers],
+        [error for _, error in places],
+        [one.whole for one in answers],
+    )
 
 
 def _lines(

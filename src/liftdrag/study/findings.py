@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +19,23 @@ from liftdrag.study.carried import Answer
 from liftdrag.study.plan import Claim, Growth, Plan
 from liftdrag.study.points import expanded
 
+UNFINISHED = "unfinished"
+"""The verdict on points of which replicas are missing, whatever the numbers so far.
+
+A claim that is weighed again after each replica would be decided wrongly more often than its level
+says, and a few replicas show little of their scatter.
+"""
+
+
+@dataclass(frozen=True)
+class Grown:
+    """The plateau of a run; `finished` of its `points` have all their replicas."""
+
+    growth: Growth
+    saturation: Saturation
+    finished: int
+    points: int
+
 
 def findings(plan: Plan, results: Mapping[str, Answer]) -> Iterator[tuple[Claim, Finding]]:
     """Each claim both points of which have an answer."""
@@ -26,7 +44,9 @@ def findings(plan: Plan, results: Mapping[str, Answer]) -> Iterator[tuple[Claim,
         names = (claim.larger, claim.smaller)
         larger, smaller = (results[expanded(name, points)[0].name] for name in names)
         if larger.quantities and smaller.quantities:
-            yield claim, _found(claim, larger, smaller)
+            found = _found(claim, larger, smaller)
+            whole = larger.whole and smaller.whole
+            yield claim, found if whole else replace(found, verdict=UNFINISHED)
 
 
 def _found(claim: Claim, larger: Answer, smaller: Answer) -> Finding:
@@ -41,20 +61,22 @@ def _found(claim: Claim, larger: Answer, smaller: Answer) -> Finding:
     return difference(many, others, one.unit)
 
 
-def growths(plan: Plan, results: Mapping[str, Answer]) -> Iterator[tuple[Growth, Saturation]]:
-    """The plateau of each run that has answers at points enough."""
+def growths(plan: Plan, results: Mapping[str, Answer]) -> Iterator[Grown]:
+    """The plateau of each run that has answers at points enough, finished ones or not."""
     points = {name: one.point for name, one in results.items()}
     for growth in plan.saturations:
-        found = [results[point.name] for point in expanded(growth.run, points)]
-        found = [one for one in found if one.quantities]
+        every = [results[point.name] for point in expanded(growth.run, points)]
+        found = [one for one in every if one.quantities]
         found = [one for one in found if one.quantity(growth.quantity).standard_error > 0.0]
         if len(found) >= LEAST:
-            values = [one.quantity(growth.quantity) for one in found]
-            yield (
-                growth,
-                saturation(
-                    np.array([one.place(growth.against, growth.over) for one in found]),
-                    np.array([value.mean for value in values]),
-                    np.array([value.standard_error for value in values]),
-                ),
-            )
+            finished = sum(one.whole for one in every)
+            yield Grown(growth, _fitted(growth, found), finished, len(every))
+
+
+def _fitted(growth: Growth, found: list[Answer]) -> Saturation:
+    values = [one.quantity(growth.quantity) for one in found]
+    return saturation(
+        np.array([one.place(growth.against, growth.over)[0] for one in found]),
+        np.array([value.mean for value in values]),
+        np.array([value.standard_error for value in values]),
+    )

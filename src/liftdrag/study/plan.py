@@ -12,6 +12,7 @@ its run before all.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,9 +22,15 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from liftdrag.case import parse, read_text
 from liftdrag.errors import CaseError, InputError, escaped, shown
 from liftdrag.files import is_file
+from liftdrag.refusals import refusal, written_as
 from liftdrag.scene.model import Part
 
 ENDING = ".study"
+
+SEE = "see 'Whole studies' in the README"
+
+MAX_VALUE = 60
+"""Characters of a text that is varied, which becomes part of a name."""
 
 KNOWN = {
     "drag2d": ("drag", "lift", "drag_fluctuation", "rest_pressure", "irregularity"),
@@ -77,14 +84,24 @@ def is_quantity(name: str) -> bool:
 
 
 def _known(name: str) -> str:
-    if not is_quantity(name):
-        raise ValueError(f"no scene has a quantity {shown(name)}")
-    return name
+    if is_quantity(name):
+        return name
+    known = dict.fromkeys(one for names in KNOWN.values() for one in names)
+    close = get_close_matches(name, known, n=1)
+    raise ValueError(f"no scene has such a quantity; choose one of {', '.join(close or known)}")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bool | int | float):
+        return value
+    if isinstance(value, str) and len(value) <= MAX_VALUE:
+        return value
+    raise ValueError(f"a value is a number, true, false or text of up to {MAX_VALUE} characters")
 
 
 QuantityName = Annotated[str, AfterValidator(_known)]
-Label = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,60}$")]
-Value = Annotated[str, Field(max_length=60)] | bool | int | float
+Label = Annotated[str, written_as(r"[A-Za-z0-9_-]{1,60}", "in up to 60 letters, digits, - and _")]
+Value = Annotated[Any, AfterValidator(_plain)]
 Values = Annotated[list[Value], Field(min_length=1)]
 Count = Annotated[int, Field(ge=1)]
 Groups = Annotated[list[Annotated[list[str], Field(min_length=1)]], Field(min_length=1)]
@@ -172,7 +189,7 @@ class Picture(Part):
     of the key `over` if there is one, and a line for each run, or for each group that is named.
     """
 
-    file: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+\.png$")]
+    file: Annotated[str, written_as(r"[A-Za-z0-9_-]+\.png", 'as "lift.png"')]
     title: str
     groups: Groups | None = None
     against: str | None = None
@@ -182,7 +199,10 @@ class Picture(Part):
     reference: list[Reference] = Field(default_factory=list)
 
 
-_Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.,+-]{0,63}$")]
+_Name = Annotated[str, written_as(r"[A-Za-z0-9_][A-Za-z0-9_.,+-]{0,63}", 'as "long" or "group_1"')]
+_Time = Annotated[str, written_as(r"(\d{1,3}-)?\d{1,4}(:\d{2}){0,2}", 'as "24:00:00"')]
+_Memory = Annotated[str, written_as(r"\d{1,9}[KMGT]?", 'as "2G" or "500M"')]
+_Module = Annotated[str, written_as(r"[A-Za-z0-9_][A-Za-z0-9_.+/-]{0,127}", 'as "openmpi/4.1"')]
 
 
 class Slurm(Part):
@@ -194,15 +214,13 @@ class Slurm(Part):
     partition: _Name | None = None
     account: _Name | None = None
     qos: _Name | None = None
-    time: Annotated[str, Field(pattern=r"^(\d{1,3}-)?\d{1,4}(:\d{2}){0,2}$")] | None = None
-    mem: Annotated[str, Field(pattern=r"^\d{1,9}[KMGT]?$")] | None = None
+    time: _Time | None = None
+    mem: _Memory | None = None
     ntasks: Count | None = None
     cpus_per_task: Count | None = None
     array_limit: Count | None = None
     requeue: bool = True
-    modules: list[Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+/-]{0,127}$")]] = Field(
-        default_factory=list
-    )
+    modules: list[_Module] = Field(default_factory=list)
 
     @property
     def ranks(self) -> int:
@@ -272,13 +290,8 @@ def read(study: str) -> Plan:
     try:
         return Plan.model_validate(parse(_text(study), f"study {escaped(study)}"))
     except ValidationError as error:
-        detail = error.errors()[0]
-        inner = detail.get("ctx", {}).get("error")
-        if isinstance(inner, CaseError):
-            raise inner from None
-        key = ".".join(map(str, detail["loc"]))
-        where = f"{shown(study)} is wrong at {escaped(key[:60])}"
-        raise InputError(f"The study {where}: {detail['msg']}.") from None
+        unknown_first = sorted(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
+        raise refusal(unknown_first[0], Plan, SEE) from None
 
 
 def _text(study: str) -> str:

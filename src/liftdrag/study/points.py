@@ -43,7 +43,7 @@ class Point:
         """What the case has at a dotted key, in SI units; None where it has nothing."""
         found: Any = self.case.scene
         for name in key.split("."):
-            found = getattr(found, name, None)
+            found = _at(found, name)
         return found
 
     def number(self, key: str) -> float:
@@ -52,6 +52,13 @@ class Point:
         if isinstance(found, bool) or not isinstance(found, int | float):
             raise InputError(f"The case {self.case.name} has no number at {shown(key)}.")
         return float(found)
+
+
+def _at(found: Any, name: str) -> Any:
+    """What a table has of this name, or a list at this number."""
+    if not isinstance(found, list):
+        return getattr(found, name, None)
+    return dict(zip(map(str, range(len(found))), found, strict=True)).get(name)
 
 
 def points_of(plan: Plan, scale: str | None, settings: Sequence[str]) -> dict[str, Point]:

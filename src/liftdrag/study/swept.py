@@ -12,13 +12,14 @@ from liftdrag.engines import mpi
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import check_place
 from liftdrag.study import slurm, team
-from liftdrag.study.carried import Studied, answer
+from liftdrag.study.carried import answer
 from liftdrag.study.drawn import draw
 from liftdrag.study.findings import findings, growths
 from liftdrag.study.plan import Plan, default_folder, read
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.pool import Pool, Watch
 from liftdrag.study.state import LEFT, State, states_of
+from liftdrag.study.studied import Studied
 from liftdrag.study.tables import write_tables
 from liftdrag.study.tasks import Task, distinct
 

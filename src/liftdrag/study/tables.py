@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from liftdrag.analysis.claims import Finding
 from liftdrag.analysis.quantity import Quantity
-from liftdrag.analysis.saturation import Saturation
 from liftdrag.scene import TankScene
 from liftdrag.study.carried import Answer
-from liftdrag.study.plan import Claim, Growth, Plan
+from liftdrag.study.findings import Grown
+from liftdrag.study.plan import Claim, Plan
 from liftdrag.study.points import Point
 from liftdrag.study.state import State
 from liftdrag.study.tasks import Task
@@ -32,7 +32,7 @@ def write_tables(
     plan: Plan,
     results: Mapping[str, Answer],
     found: Iterable[tuple[Claim, Finding]],
-    grown: Iterable[tuple[Growth, Saturation]] = (),
+    grown: Iterable[Grown] = (),
 ) -> None:
     """`points`, `runs`, `claims` and `saturations`. Raises OSError."""
     import pandas as pd
@@ -47,7 +47,12 @@ def write_tables(
         for claim, finding in found
     ]
     pd.DataFrame(claims).to_csv(folder / f"{CLAIMS}.csv", index=False)
-    plateaus = [growth.model_dump() | vars(saturation) for growth, saturation in grown]
+    plateaus = [
+        one.growth.model_dump()
+        | vars(one.saturation)
+        | {"finished": one.finished, "points": one.points}
+        for one in grown
+    ]
     if plateaus:
         pd.DataFrame(plateaus).to_csv(folder / f"{SATURATIONS}.csv", index=False)
 
@@ -76,7 +81,8 @@ def point_rows(one: Answer, keys: Iterable[str]) -> Iterator[dict[str, Any]]:
         "status": one.status,
         "reason": "; ".join(reasons),
         "folder": " ".join(state.folder.name for _, state in one.runs if state.folder),
-        "replicas": len(one.runs),
+        "finished": one.replicas[0],
+        "replicas": one.replicas[1],
         **_values(one.point, keys),
         **context(one.point, one.quantities),
     }
