@@ -24,7 +24,7 @@ class Sample:
 
     `kinetic` and `contact` (3, 3): the two parts of the stress tensor (Pa), positive in
     compression, from the velocities less those of the shear, and from force times way from
-    centre to centre (its first index is that of the force). `counts` (7,): contacts by type, in
+    centre to centre (its first index is that of the force). `counts` (11,): contacts by type, in
     the order of KINDS; `jumps`: contacts whose normal turned by more than 11 degrees in a step,
     but for steps in which lists are made. `translational`, `rotational`, `elastic` (J): energies
     at the moment, the first of the velocities less those of the shear. `overlap`: the largest on
@@ -123,7 +123,7 @@ def sample(grains: Cylinders, cell: Cell, time: float, found: Any) -> Sample:
 
 def default_skin(grains: Cylinders) -> float:
     """Two fifths of the mean of each grain's smaller of diameter and length (m)."""
-    return 0.8 * float(np.minimum(grains.radius, grains.half_length).mean())
+    return 0.8 * float(grains.extent.mean())
 
 
 def check(
