@@ -129,4 +129,4 @@ def _source(theta: np.ndarray, restitution: float) -> np.ndarray:
 def _push(theta: np.ndarray) -> np.ndarray:
     """The closing speed squared along k k (3, 3), summed over directions."""
     k, weight = _directions()
-    return np.einsum("m,mi,mj->ij", weight * _closing(theta)[1], k, k)
+    return np.asarray(np.einsum("m,mi,mj->ij", weight * _closing(theta)[1], k, k))

@@ -49,7 +49,7 @@ class Cylinders(Part):
 
 
 class Species(Part):
-    """Cylinders of one `aspect_ratio`, length over diameter, or spheres: a `share` of all grains."""
+    """Cylinders of one `aspect_ratio`, length over diameter, or spheres; their `share` of all."""
 
     shape: Literal["cylinder", "sphere"] = "cylinder"
     aspect_ratio: Annotated[float, Field(ge=0.05, le=20.0)] | None = None

@@ -130,6 +130,8 @@ def check(
     grains: Cylinders, cell: Cell, time_step: float, every: int, skin: float, threads: int
 ) -> None:
     """Raise ValueError for a run that makes no sense."""
+    if grains.axis[grains.is_sphere].any():
+        raise ValueError("a sphere has no axis: make it zero")
     if not (time_step > 0.0 and every >= 1 and skin > 0.0 and threads >= 1):
         raise ValueError(
             f"no run of {every} steps of {time_step} s with a skin of {skin} m on {threads} threads"

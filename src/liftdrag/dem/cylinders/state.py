@@ -81,5 +81,7 @@ def same_volume(aspect: np.ndarray, diameter: float) -> tuple[np.ndarray, np.nda
 
     `aspect` (n,) is length over diameter, 0 of a sphere.
     """
-    radius = 0.5 * diameter * (2.0 / (3.0 * np.where(aspect > 0.0, aspect, 2.0 / 3.0))) ** (1.0 / 3.0)
+    radius = (
+        0.5 * diameter * (2.0 / (3.0 * np.where(aspect > 0.0, aspect, 2.0 / 3.0))) ** (1.0 / 3.0)
+    )
     return radius, radius * aspect
