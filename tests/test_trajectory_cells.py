@@ -72,3 +72,21 @@ def test_surfaces_are_closed_prisms_about_each_grain(folder: Path, sides: np.nda
     assert first.axis is not None
     np.testing.assert_allclose(along, first.axis * sides[:, 1, None], atol=1e-4 * sides.max())
     np.testing.assert_array_equal(surface["type"][:: 2 * cells.CORNERS], first.kind)
+
+
+def test_spheres_among_cylinders_keep_their_size(tmp_path: Path):
+    """In OVITO thrice the diameter; for VTK, points at their radius."""
+    species = [{"shape": "sphere", "share": 0.5}, {"aspect_ratio": 2, "share": 0.5}]
+    out = run(tiny(species=species), tmp_path / "run", dump=True).folder
+    (frame, *_) = frames(out / "trajectory.dump", "pp pp pp")
+    shape = np.column_stack([frame.columns[f"shape{axis}"] for axis in "xyz"])
+    is_sphere = np.array(frame.columns["type"]) == 1
+    scene = CASE.scene
+    assert isinstance(scene, ShearScene)
+    assert shape[is_sphere] == pytest.approx(scene.grains.diameter)
+    (surface,) = pyvista.get_reader(write_vtk(out)).read()
+    ball = surface["type"] == 1
+    assert len(np.unique(surface["id"][ball])) == is_sphere.sum()
+    middle = next(snapshots(out)).position[surface["id"][ball] - 1]
+    from_middle = np.linalg.norm(surface.points[ball] - middle, axis=1)
+    np.testing.assert_allclose(from_middle, 0.5 * scene.grains.diameter, rtol=1e-4)

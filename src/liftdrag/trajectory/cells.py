@@ -2,12 +2,13 @@
 
 The dump is what OVITO draws with the shape "cylinder": an axis as a quaternion, and the columns
 shapex, shapey and shapez, of which it takes half as radius and as length: the diameter twice, and
-twice the length. As VTK the grains are surfaces with `id`, `type` and `velocity` (m/s).
+twice the length. A sphere has its diameter thrice. As VTK the grains are surfaces with `id`, `type`
+and `velocity` (m/s).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,7 @@ MOST = 60
 COLUMNS = "id type x y z vx vy vz shapex shapey shapez quati quatj quatk quatw"
 
 CORNERS = 16
-"""Of the polygon that an end of a surface is."""
+"""Of the polygon that an end of a cylinder is, and a sphere's equator."""
 
 
 def looks(folder: Path) -> Iterator[Snapshot]:
@@ -66,7 +67,7 @@ def _header(scene: ShearScene, step: int) -> str:
 def _rows(grains: Cylinders, moment: Snapshot) -> np.ndarray:
     """The COLUMNS of a moment (n, 15)."""
     assert moment.axis is not None
-    diameter, length = 2.0 * grains.radius, 2.0 * grains.half_length
+    diameter = 2.0 * grains.radius
     return np.column_stack(
         [
             np.arange(1, len(diameter) + 1),
@@ -75,7 +76,7 @@ def _rows(grains: Cylinders, moment: Snapshot) -> np.ndarray:
             moment.velocity,
             diameter,
             diameter,
-            2.0 * length,
+            np.where(grains.is_sphere, diameter, 4.0 * grains.half_length),
             turn_of(moment.axis),
         ]
     )
@@ -91,49 +92,64 @@ def turn_of(axis: np.ndarray) -> np.ndarray:
 
 def surfaces(folder: Path) -> Iterator[tuple[float, pyvista.PolyData]]:
     """The time (s) and the surfaces of the grains of each look. Raises InputError as `looks`."""
-    grains = read_grains(folder)[0]
-    for moment in looks(folder):
-        yield moment.time, _surface(grains, moment)
-
-
-def _surface(grains: Cylinders, moment: Snapshot) -> pyvista.PolyData:
-    """Prisms for the grains of a moment."""
     import pyvista
 
-    count = len(moment.kind)
-    surface = pyvista.PolyData(_corners(grains, moment).reshape(-1, 3), faces=_faces(count))
-    per_corner = {"id": np.arange(1, count + 1), "type": moment.kind, "velocity": moment.velocity}
-    for name, values in per_corner.items():
-        kind = np.float32 if values.ndim > 1 else np.int32
-        surface[name] = np.repeat(values.astype(kind), 2 * CORNERS, axis=0)
+    grains = read_grains(folder)[0]
+    ball = pyvista.Sphere(radius=1.0, theta_resolution=CORNERS, phi_resolution=CORNERS // 2)
+    for moment in looks(folder):
+        surface = pyvista.PolyData()
+        for some, corners, faces in (
+            (~grains.is_sphere, _prisms(grains, moment), _of_prism()),
+            (grains.is_sphere, _balls(grains, moment, ball.points), list(ball.regular_faces)),
+        ):
+            if some.any():
+                surface = surface.append_polydata(_surface(moment, some, corners[some], faces))
+        yield moment.time, surface
+
+
+def _surface(
+    moment: Snapshot, some: np.ndarray, corners: np.ndarray, faces: Sequence[np.ndarray]
+) -> pyvista.PolyData:
+    """Some grains (n,) of one shape, of `corners` (m, k, 3) and `faces` of such numbers below k."""
+    import pyvista
+
+    count, each = corners.shape[:2]
+    first = each * np.arange(count)[:, None]
+    after_size = [part for one in faces for part in (np.full((count, 1), len(one)), first + one)]
+    surface = pyvista.PolyData(
+        corners.reshape(-1, 3).astype(np.float32), faces=np.hstack(after_size).ravel()
+    )
+    surface["id"] = np.repeat(1 + np.flatnonzero(some), each).astype(np.int32)
+    surface["type"] = np.repeat(moment.kind[some], each).astype(np.int32)
+    surface["velocity"] = np.repeat(moment.velocity[some].astype(np.float32), each, axis=0)
     return surface
 
 
-def _corners(grains: Cylinders, moment: Snapshot) -> np.ndarray:
-    """Those of both ends (n, 2, CORNERS, 3), turned the same way about the axis."""
+def _prisms(grains: Cylinders, moment: Snapshot) -> np.ndarray:
+    """The corners of both ends of each (n, 2 CORNERS, 3), turned the same way about the axis."""
     assert moment.axis is not None
     axis = moment.axis.astype(float)
-    least = np.eye(3)[np.abs(axis).argmin(axis=1)]
-    across = np.cross(axis, least)
-    across *= (grains.radius / np.linalg.norm(across, axis=1))[:, None]
-    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-    ring = (
-        np.cos(angle)[:, None] * across[:, None]
-        + np.sin(angle)[:, None] * np.cross(axis, across)[:, None]
-    )
-    ends = (
-        moment.position[:, None]
-        + np.array([-1.0, 1.0])[:, None] * (grains.half_length[:, None] * axis)[:, None]
-    )
-    return np.asarray((ends[:, :, None] + ring[:, None]).astype(np.float32))
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin(axis=1)])
+    across *= (grains.radius / np.maximum(np.linalg.norm(across, axis=1), 1e-9))[:, None]
+    beside = np.cross(axis, across)
+    angle = 2.0 * np.pi * np.arange(CORNERS)[:, None] / CORNERS
+    ring = np.cos(angle) * across[:, None] + np.sin(angle) * beside[:, None]
+    to_end = (grains.half_length[:, None] * axis)[:, None]
+    middle = moment.position[:, None]
+    return np.concatenate([middle - to_end + ring, middle + to_end + ring], axis=1)
 
 
-def _faces(count: int) -> np.ndarray:
-    """The polygons of so many prisms, each after its number of corners: two ends and the sides."""
-    one, first = np.arange(CORNERS), 2 * CORNERS * np.arange(count)[:, None]
+def _of_prism() -> list[np.ndarray]:
+    """The faces of a prism by its corners: two ends and the sides."""
+    one = np.arange(CORNERS)
     after = (one + 1) % CORNERS
-    sides = np.column_stack([one, after, CORNERS + after, CORNERS + one])
-    faces = [one[::-1], CORNERS + one, *sides]
-    return np.hstack(
-        [part for face in faces for part in (np.full((count, 1), len(face)), first + face)]
-    ).ravel()
+    return [
+        one[::-1],
+        CORNERS + one,
+        *np.column_stack([one, after, CORNERS + after, CORNERS + one]),
+    ]
+
+
+def _balls(grains: Cylinders, moment: Snapshot, ball: np.ndarray) -> np.ndarray:
+    """The corners of a unit `ball` (k, 3) about each, of its radius (n, k, 3)."""
+    return np.asarray(moment.position[:, None] + grains.radius[:, None, None] * ball)

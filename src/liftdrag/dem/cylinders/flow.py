@@ -24,7 +24,7 @@ class Sample:
 
     `kinetic` and `contact` (3, 3): the two parts of the stress tensor (Pa), positive in
     compression, from the velocities less those of the shear, and from force times way from
-    centre to centre (its first index is that of the force). `counts` (7,): contacts by type, in
+    centre to centre (its first index is that of the force). `counts` (11,): contacts by type, in
     the order of KINDS; `jumps`: contacts whose normal turned by more than 11 degrees in a step,
     but for steps in which lists are made. `translational`, `rotational`, `elastic` (J): energies
     at the moment, the first of the velocities less those of the shear. `overlap`: the largest on
@@ -133,13 +133,15 @@ def sample(
 
 def default_skin(grains: Cylinders) -> float:
     """Two fifths of the mean of each grain's smaller of diameter and length (m)."""
-    return 0.8 * float(np.minimum(grains.radius, grains.half_length).mean())
+    return 0.8 * float(grains.extent.mean())
 
 
 def check(
     grains: Cylinders, cell: Cell, time_step: float, every: int, skin: float, threads: int
 ) -> None:
     """Raise ValueError for a run that makes no sense."""
+    if grains.axis[grains.is_sphere].any():
+        raise ValueError("a sphere has no axis: make it zero")
     if not (time_step > 0.0 and every >= 1 and skin > 0.0 and threads >= 1):
         raise ValueError(
             f"no run of {every} steps of {time_step} s with a skin of {skin} m on {threads} threads"
