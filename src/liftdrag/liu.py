@@ -24,6 +24,9 @@ TABLE_3 = {
 }
 """A_1 to A_4 of a and of b, fitted to rods of ratio 6 and disks of 0.15."""
 
+CURVES = (*TABLE_2, "bulk_friction")
+"""What there is a curve of."""
+
 FRACTIONS = (0.4, 0.55)
 """Solid fractions of the flows that Table 3 was fitted to."""
 

@@ -12,9 +12,6 @@ import numpy as np
 from liftdrag import kinetic, liu
 from liftdrag.analysis.quantity import Quantity, ratio
 
-COMPARED = ("shear_stress", "pressure", "bulk_friction")
-"""What the paper has a curve of."""
-
 THEORY = {"shear_stress": "shear_stress", "pressure": "pressure", "fluctuation_energy": "energy"}
 """What kinetic theory says of spheres, and what it calls it."""
 
@@ -49,7 +46,7 @@ def compared(solid_fraction: float, found: Mapping[str, Quantity]) -> dict[str, 
     """The stresses of `found` beside the curves at its `order_parameter`; none without a curve."""
     order = found["order_parameter"]
     beside = dict[str, Compared]()
-    for name in COMPARED:
+    for name in liu.CURVES:
         curve = liu.curve(name, solid_fraction)
         if curve is not None:
             there = float(curve(np.array(order.mean)))
