@@ -676,6 +676,16 @@ class TestRealRuns:
         assert [record["tables"].keys() & {"stop"} for record in records] == [set(), set()]
         assert min(steps) > 0.9 * derive(case.scene).grain_steps.value
 
+    def test_bench_of_a_shear_flow_judges_stress_and_pressure(self, tmp_path: Path):
+        found = bench(tiny_cell(), None, tmp_path / "out", 1e-3, 1, ["stiffness"])
+        assert [one.key for one in found.runs] == [CASE, CASE]
+        assert {one.status for one in found.runs} == {"finished"}
+        for name in ("shear_stress", "pressure"):
+            assert 0.0 < found.judged(name)[CASE].answer.mean < 20.0
+        assert found.left[:2] == ["stiffness x0.1", "stiffness x10"]
+        steps = {one.grain_steps for one in found.runs}
+        assert steps == {derive(tiny_cell().scene).grain_steps.value}
+
     @pytest.mark.parametrize(
         ("words", "says"),
         [

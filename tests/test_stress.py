@@ -81,6 +81,10 @@ class TestAxes:
         before = derive(case.scene).grain_steps.value
         assert derive(short).grain_steps.value <= before * 1.001
 
+    def test_cut_shear_flow_keeps_a_strain_to_average(self):
+        short = cut(load("shear/quick"), 0.01).scene
+        assert (short.drive.strain, short.drive.average_from) == pytest.approx((10.0, 10.0 / 3.0))
+
 
 class TestOutcomes:
     def of(self, *more: Tried) -> list[tuple[str, ...]]:

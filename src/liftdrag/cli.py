@@ -16,14 +16,16 @@ import typer
 from liftdrag.errors import InputError, RunFailed, escaped
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from rich.table import Table
 
     from liftdrag.analysis.forces import ForceAnswers
     from liftdrag.analysis.quantity import Quantity
+    from liftdrag.bench import Benched
     from liftdrag.case import Case
     from liftdrag.result import Result
+    from liftdrag.stress import Stressed
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -278,8 +280,7 @@ def sweep(
             found = studies.sweep(study, out, settings, jobs, ranks, scale, watch)
     shown = [state_table(found)] if slurm or status else []
     _print_tables(*shown, run_table(found), *([claim_table(found)] if found.findings else []))
-    for line in growth_lines(found):
-        print(line)
+    _print_lines(growth_lines(found))
     if found.folder.exists():
         print(f"In {found.folder}: points.csv, runs.csv, claims.csv, the pictures, and runs/")
     if not slurm and not status:
@@ -313,22 +314,14 @@ def bench(
     from liftdrag.progress import spinning
     from liftdrag.terminal import bench_table
 
-    names = [name.strip() for name in axes.split(",")] if axes else []
     budget_s, chosen = seconds(budget), _case(case, settings)
     with spinning() as tell:
-        found = run_bench(chosen, engine, out, budget_s, jobs, names, engine_path, tell)
+        found = run_bench(chosen, engine, out, budget_s, jobs, _names(axes), engine_path, tell)
     if as_json:
         print(json.dumps(found.to_dict(), indent=2))
         return
     _print_tables(bench_table(found))
-    print(found.block(), end="")
-    for note in found.notes:
-        print(note)
-    if found.left:
-        print(
-            f"Left out for the budget of {budget}, and the same command goes on with it: "
-            f"{', '.join(found.left)}."
-        )
+    _print_lines([*found.block().splitlines(), *found.notes, *_left(found, budget)])
     print(f"In {found.stand.folder}: bench.csv, bench.json, bench.png, numerics.toml")
 
 
@@ -359,21 +352,14 @@ def stress(
     from liftdrag.stress import stress as run_stress
     from liftdrag.terminal import stress_table
 
-    names = [name.strip() for name in axes.split(",")] if axes else []
     budget_s, chosen = seconds(budget), _case(case, settings)
     with spinning() as tell:
-        found = run_stress(chosen, engine, out, budget_s, jobs, names, engine_path, tell)
+        found = run_stress(chosen, engine, out, budget_s, jobs, _names(axes), engine_path, tell)
     if as_json:
         print(json.dumps(found.to_dict(), indent=2))
         return
     _print_tables(stress_table(found))
-    for line in found.lines():
-        print(line)
-    if found.left:
-        print(
-            f"Left out for the budget of {budget}, and the same command goes on with it: "
-            f"{', '.join(found.left)}."
-        )
+    _print_lines([*found.lines(), *_left(found, budget)])
     print(f"In {found.stand.folder}: stability.csv, stability.png, stress.json")
 
 
@@ -532,8 +518,7 @@ def _show(result: Result, as_json: bool) -> None:
     for alarm in result.alarms:
         print(f"WARNING: {alarm}")
     _print_table(result.quantities)
-    for line in budget_lines(result):
-        print(line)
+    _print_lines(budget_lines(result))
     for warning in result.warnings[len(result.alarms) :]:
         print(f"WARNING: {warning}")
     print(f"In {result.folder}: {', '.join(result.files)}")
@@ -547,6 +532,24 @@ def _show_forces(found: ForceAnswers, as_json: bool) -> None:
     print(f"Averaged from {found.start_s:.6g} s to {found.end_s:.6g} s.")
     for warning in found.warnings:
         print(f"WARNING: {warning}")
+
+
+def _names(axes: str | None) -> list[str]:
+    """The choices of an option: a,b."""
+    return [name.strip() for name in axes.split(",")] if axes else []
+
+
+def _left(found: Benched | Stressed, budget: str) -> list[str]:
+    """What is to be said of what the budget was too short for."""
+    if not found.left:
+        return []
+    rest = ", ".join(found.left)
+    return [f"Left out for the budget of {budget}, and the same command goes on with it: {rest}."]
+
+
+def _print_lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line)
 
 
 def _print_tables(*tables: Table) -> None:

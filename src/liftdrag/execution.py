@@ -5,19 +5,21 @@ from __future__ import annotations
 import contextlib
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from liftdrag import seal, sessions
 from liftdrag.case import Case
+from liftdrag.cost import Estimate
 from liftdrag.deck import Deck
 from liftdrag.engines.base import Engine, Enough, Outcome, Progress, silent
+from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import Probe
 from liftdrag.engines.watchdog import Limits, limits
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.folder import RESULT, Record, write_json, writing
+from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json, writing
 from liftdrag.numerics import Numerics, explained
 from liftdrag.result import begun, cost, provenance
 
@@ -88,6 +90,64 @@ def write_deck(
     )
     record.write(folder)
     return record
+
+
+def deck_in(
+    out: str | Path | None, case: Case, numerics: Numerics, deck: Deck, engine: Engine
+) -> Path:
+    """A fresh folder, by default below decks/, that holds the deck. Raises InputError."""
+    folder = fresh(out, case.name, "decks")
+    write_deck(case, numerics, deck, engine.name, folder)
+    return folder
+
+
+@contextlib.contextmanager
+def beginning(asked: Asked) -> Iterator[int]:
+    """The ranks of a run that is prepared meanwhile; without it, the others are released.
+
+    The other ranks of an MPI job take part from here on. Raises InputError where the engine or the
+    folder cannot be used.
+    """
+    engine = asked.engine
+    world = engine.world()
+    if world.rank > 0:
+        engine.join()
+    try:
+        engine.check(asked.ranks or 1)
+        check_free(asked.out)
+        yield world.size if world.size > 1 else asked.ranks or 1
+    except BaseException:
+        engine.release()
+        raise
+
+
+def laid_out(
+    own: contextlib.ExitStack,
+    case: Case,
+    asked: Asked,
+    numerics: Numerics,
+    deck: Deck,
+    expected: Estimate,
+    probes: Sequence[Probe] = (),
+    alarms: Sequence[str] = (),
+    settled_bed: Mapping[str, Any] | None = None,
+) -> tuple[Path, Record]:
+    """A folder for the run, locked until `own` ends, with its deck and its record."""
+    numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
+    folder = own.enter_context(claimed(asked.out, case.name))
+    record = write_deck(
+        case,
+        numerics,
+        deck,
+        asked.engine.name,
+        folder,
+        probes,
+        alarms,
+        settled_bed,
+        expected.to_dict(),
+        identity(asked.engine),
+    )
+    return folder, record
 
 
 def carried_out(

@@ -202,6 +202,22 @@ def _damaged(path: Path) -> InputError:
     return InputError(f"{path} is damaged; run the case again.")
 
 
+def broken(folder: Path, what: object) -> InputError:
+    """What to say of a run whose files are damaged, and how."""
+    return InputError(f"The files in {folder} are damaged ({what}); run the case again.")
+
+
+@contextlib.contextmanager
+def reading(folder: Path) -> Iterator[None]:
+    """Turn what is wrong with a run's files into InputError, in a sentence."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (OSError, ValueError, LookupError) as error:
+        raise broken(folder, error) from error
+
+
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
     """Write a whole file or none. Raises RunFailed."""
     with writing(path):

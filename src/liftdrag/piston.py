@@ -27,11 +27,10 @@ from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.fills import read_fills
-from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import PLANAR, Probe, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import Asked, carried_out, write_deck
-from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json
+from liftdrag.execution import Asked, beginning, carried_out, deck_in, laid_out
+from liftdrag.folder import RESULT, Record, reading, write_json
 from liftdrag.numerics import JanssenNumerics, derive
 from liftdrag.packing.tube import packed_column
 from liftdrag.pictures import janssen as pictures
@@ -67,9 +66,7 @@ def write_decks(
 ) -> tuple[Path, JanssenNumerics, Plan]:
     """The deck of a piston in a folder. Raises InputError before anything is written."""
     numerics, deck = prepare(case, engine.dialect, ranks)
-    folder = fresh(out, case.name, "decks")
-    write_deck(case, numerics, deck, engine.name, folder)
-    return folder, numerics, deck.plan
+    return deck_in(out, case, numerics, deck, engine), numerics, deck.plan
 
 
 def run(case: Case, asked: Asked) -> Result:
@@ -83,40 +80,19 @@ def run(case: Case, asked: Asked) -> Result:
 
 def _run(case: Case, asked: Asked, until_end: ExitStack) -> Result:
     engine, scene = asked.engine, scene_of(case)
-    world = engine.world()
     own = engine.dialect is IN_HOUSE
-    if own and world.size > 1:
+    if own and engine.world().size > 1:
         raise InputError(
             "The engine dem fills a tube on the threads of one process; start it without mpiexec "
             "and with --ranks N."
         )
-    if world.rank > 0:
-        engine.join()
-    try:
-        engine.check(asked.ranks or 1)
-        check_free(asked.out)
-        ranks = world.size if world.size > 1 else asked.ranks or 1
+    with beginning(asked) as ranks:
         check_means(scene, derive(scene, ranks), engine, ranks, asked.out)
         found, alarms = _probed(scene, engine, asked.ignored_probes)
         expected = foresee(scene, derive(scene, ranks), engine, ranks)
         asked.progress("compile" if own and is_cold() else "packing", 0, 1)
         numerics, deck = prepare(case, engine.dialect, ranks)
-        numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-        folder = until_end.enter_context(claimed(asked.out, case.name))
-        record = write_deck(
-            case,
-            numerics,
-            deck,
-            engine.name,
-            folder,
-            found,
-            alarms,
-            estimate=expected.to_dict(),
-            made_by=identity(engine),
-        )
-    except BaseException:
-        engine.release()
-        raise
+        folder, record = laid_out(until_end, case, asked, numerics, deck, expected, found, alarms)
     outcome, found_all = gone_through(case, engine, record, folder, asked.progress, asked.timeout_s)
     expected.compare(outcome, _work(Record.read(folder), outcome.grains))
     return found_all
@@ -196,16 +172,10 @@ def _read(folder: Path, scene: JanssenScene, record: Record) -> tuple[Series, Ja
         FillWindow(count, mobilised * plan.time_step, end * plan.time_step)
         for count, _, mobilised, end in plan.fills
     ]
-    try:
+    with reading(folder):
         series, profiles = engine.series(plan, folder), list(engine.profiles(plan, folder))
         if not profiles or profiles[-1].time < fills[-1].end * (1.0 - 1e-9):
             raise ValueError("the profiles end before the run")
         if fills[-1].end - series.time[-1] > (plan.row_every - 0.5) * plan.time_step:
             raise ValueError("the series ends before the run")
         return series, answers(scene, series, profiles, fills)
-    except InputError:
-        raise
-    except (OSError, ValueError, LookupError) as error:
-        raise InputError(
-            f"The files in {folder} are damaged ({error}); run the case again."
-        ) from error

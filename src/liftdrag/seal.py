@@ -9,9 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from liftdrag.errors import InputError
 from liftdrag.files import is_file
-from liftdrag.folder import RECORD, Record
+from liftdrag.folder import RECORD, Record, broken
 
 OWN = ("*.dat", "*.dump", "*.npz", "fills.csv", "forces.csv", "stresses.csv")
 OF_PACKINGS = ("*.dat", "*.dump", "*.npz", "series.csv")
@@ -31,21 +30,17 @@ def check(folder: Path, record: Record, sealed: Any) -> None:
     """Raise InputError where a file is not what it was; None, of an older run, says nothing."""
     alone = record.tables["scene"] != "drag2d"  # packings have decks of their own
     if alone and (changed := record.changed(folder)):
-        raise _broken(folder, f"{changed[0][:60]} is not what the run wrote")
+        raise broken(folder, f"{changed[0][:60]} is not what the run wrote")
     if sealed is None:
         return
     try:
         found = digests(folder, record)
     except OSError as error:
-        raise _broken(folder, str(error)) from None
+        raise broken(folder, error) from None
     if not isinstance(sealed, dict):
-        raise _broken(folder, "result.json holds no digests")
+        raise broken(folder, "result.json holds no digests")
     if wrong := sorted(name for name, digest in sealed.items() if found.get(name) != digest):
-        raise _broken(folder, f"{wrong[0][:60]} is not what the run wrote")
-
-
-def _broken(folder: Path, what: str) -> InputError:
-    return InputError(f"The files in {folder} are damaged ({what}); run the case again.")
+        raise broken(folder, f"{wrong[0][:60]} is not what the run wrote")
 
 
 def _files(folder: Path) -> Iterator[Path]:

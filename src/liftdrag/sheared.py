@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -21,10 +20,9 @@ from liftdrag.deck.shear import build, check_engine
 from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Outcome, Progress, silent
-from liftdrag.engines.identity import identity
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import Asked, carried_out, write_deck
-from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json
+from liftdrag.execution import Asked, beginning, carried_out, deck_in, laid_out
+from liftdrag.folder import RESULT, Record, reading, write_json
 from liftdrag.numerics import ShearNumerics, derive
 from liftdrag.packing.shear import grown_cell
 from liftdrag.pictures.cylinders import draw_cell
@@ -62,9 +60,7 @@ def write_decks(
     """The deck of a shear flow in a folder. Raises InputError before anything is written."""
     check_engine(engine.name)
     numerics, deck = prepare(case, ranks)
-    folder = fresh(out, case.name, "decks")
-    write_deck(case, numerics, deck, engine.name, folder)
-    return folder, numerics
+    return deck_in(out, case, numerics, deck, engine), numerics
 
 
 def run(case: Case, asked: Asked) -> Result:
@@ -77,30 +73,20 @@ def run(case: Case, asked: Asked) -> Result:
 
 
 def _run(case: Case, asked: Asked, own: ExitStack) -> Result:
-    engine, scene, ranks = asked.engine, scene_of(case), asked.ranks or 1
+    engine, scene = asked.engine, scene_of(case)
     check_engine(engine.name)
     if engine.world().size > 1:
         raise InputError(
             "The engine dem shears a cell on the threads of one process; start it without mpiexec "
             "and with --ranks N."
         )
-    check_free(asked.out)
-    planned = derive(scene)
-    check_means(scene, planned, engine, ranks, asked.out)
-    expected = foresee(scene, planned, engine, ranks)
-    asked.progress("compile" if is_cold() else "packing", 0, 1)
-    numerics, deck = prepare(case, ranks)
-    numerics = replace(numerics, warnings=(*numerics.warnings, *expected.warnings))
-    folder = own.enter_context(claimed(asked.out, case.name))
-    record = write_deck(
-        case,
-        numerics,
-        deck,
-        engine.name,
-        folder,
-        estimate=expected.to_dict(),
-        made_by=identity(engine),
-    )
+    with beginning(asked) as ranks:
+        planned = derive(scene)
+        check_means(scene, planned, engine, ranks, asked.out)
+        expected = foresee(scene, planned, engine, ranks)
+        asked.progress("compile" if is_cold() else "packing", 0, 1)
+        numerics, deck = prepare(case, ranks)
+        folder, record = laid_out(own, case, asked, numerics, deck, expected)
     outcome, found = gone_through(case, engine, record, folder, asked.progress, asked.timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
     if asked.dump:
@@ -161,7 +147,7 @@ def _read(folder: Path, scene: ShearScene, record: Record) -> tuple[Series, Shea
     Raises InputError when the engine's files are damaged.
     """
     engine, plan = engine_called(record.engine), record.plan
-    try:
+    with reading(folder):
         sampled = engine.series(plan, folder)
         whole, row = plan.stages["drive"] * plan.time_step, plan.row_every * plan.time_step
         if not plan.stoppable and whole - sampled.time[-1] > 0.5 * row:
@@ -170,12 +156,6 @@ def _read(folder: Path, scene: ShearScene, record: Record) -> tuple[Series, Shea
         if abs(sampled.time[-1] - looks[-1].time) > 0.5 * row:
             raise ValueError("the looks at the grains end before the series")
         return sampled, answers(scene, sampled, looks), looks[-1]
-    except InputError:
-        raise
-    except (OSError, ValueError, LookupError) as error:
-        raise InputError(
-            f"The files in {folder} are damaged ({error}); run the case again."
-        ) from error
 
 
 def _reported(found: ShearAnswers) -> dict[str, Any]:

@@ -24,11 +24,17 @@ from liftdrag.deck.dialect import LAMMPS, Dialect
 from liftdrag.deck.tank import Bed, build, contact_of
 from liftdrag.engines import engine as engine_called
 from liftdrag.engines.base import Engine, Enough
-from liftdrag.engines.identity import identity
 from liftdrag.engines.probes import TANK, Subject
 from liftdrag.errors import InputError, RunFailed
-from liftdrag.execution import Asked, carried_out, check_ranks, write_deck
-from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_json
+from liftdrag.execution import (
+    Asked,
+    beginning,
+    carried_out,
+    check_ranks,
+    deck_in,
+    laid_out,
+)
+from liftdrag.folder import RESULT, Record, reading, write_json
 from liftdrag.numerics import TankNumerics, derive
 from liftdrag.pictures import tank as pictures
 from liftdrag.result import Result
@@ -71,9 +77,7 @@ def write_decks(
 ) -> tuple[Path, TankNumerics, Plan]:
     """The deck of a tank in a folder. Raises InputError before anything is written."""
     numerics, deck = prepare(case, ranks, dialect=engine.dialect)
-    folder = fresh(out, case.name, "decks")
-    write_deck(case, numerics, deck, engine.name, folder)
-    return folder, numerics, deck.plan
+    return deck_in(out, case, numerics, deck, engine), numerics, deck.plan
 
 
 def run(case: Case, asked: Asked) -> Result:
@@ -87,40 +91,20 @@ def run(case: Case, asked: Asked) -> Result:
 
 def _run(case: Case, asked: Asked, own: ExitStack) -> Result:
     engine, scene = asked.engine, scene_of(case)
-    world = engine.world()
-    if world.rank > 0:
-        engine.join()
-    try:
-        engine.check(asked.ranks or 1)
-        check_free(asked.out)
-        ranks = world.size if world.size > 1 else asked.ranks or 1
+    with beginning(asked) as ranks:
         kept = beds.kept(scene)
         planned = derive(scene, ranks, settled=kept == "settled")
         check_means(scene, planned, engine, ranks, asked.out, asked.dump)
-        names = TANK if world.size > 1 or ranks == 1 else (*TANK, "ranks")
+        names = TANK if engine.world().size > 1 or ranks == 1 else (*TANK, "ranks")
         subject = Subject(contact_of(scene), scene.grains.density)
         found, alarms = trusted(engine, subject, names, asked.ignored_probes)
         expected = foresee(scene, planned, engine, ranks, packed=kept != "nothing")
         start = beds.find(scene)
         numerics, deck = prepare(case, ranks, asked.dump, engine.dialect, start.bed)
-        warnings = (*numerics.warnings, *start.warnings, *expected.warnings)
-        numerics = replace(numerics, warnings=warnings)
-        folder = own.enter_context(claimed(asked.out, case.name))
-        record = write_deck(
-            case,
-            numerics,
-            deck,
-            engine.name,
-            folder,
-            found,
-            alarms,
-            settled_bed=start.provenance,
-            estimate=expected.to_dict(),
-            made_by=identity(engine),
+        numerics = replace(numerics, warnings=(*numerics.warnings, *start.warnings))
+        folder, record = laid_out(
+            own, case, asked, numerics, deck, expected, found, alarms, start.provenance
         )
-    except BaseException:
-        engine.release()
-        raise
     enough = enough_for(scene, engine, record, folder)
     outcome, result = carried_out(engine, record, folder, asked.progress, enough, asked.timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
@@ -172,18 +156,12 @@ def _read(
     Raises InputError when the engine's files are damaged.
     """
     chosen = engine_called(record.engine)
-    try:
+    with reading(folder):
         series = chosen.series(record.plan, folder)
         surfaces = list(chosen.surfaces(record.plan, folder))
         _check_complete(series, [time for time, _ in surfaces], record.plan)
         last = deque(chosen.snapshots(record.plan, folder), maxlen=1)
         return series, answers(scene, series, surfaces), last
-    except InputError:
-        raise
-    except (OSError, ValueError, LookupError) as error:
-        raise InputError(
-            f"The files in {folder} are damaged ({error}); run the case again."
-        ) from error
 
 
 def _check_complete(series: Series, surfaces: Sequence[float], plan: Plan) -> None:

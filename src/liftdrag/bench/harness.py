@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,14 +11,13 @@ from liftdrag.bench.axes import axes_of, wanted
 from liftdrag.bench.benched import Benched
 from liftdrag.bench.judged import CASE, finished, tolerances
 from liftdrag.bench.points import REFERENCE, points_of, reference
-from liftdrag.bench.runs import Run, Stand, earlier
+from liftdrag.bench.prepared import prepared, stand_of
+from liftdrag.bench.runs import Run, earlier
 from liftdrag.bench.schedule import State, left_out
-from liftdrag.bench.working import check_jobs, own_beds, spent, working
+from liftdrag.bench.working import check_jobs, through
 from liftdrag.bench.written import begin, write
 from liftdrag.case import Case
-from liftdrag.cost import cores
 from liftdrag.errors import RunFailed
-from liftdrag.runner import engine_for
 
 
 def bench(
@@ -42,13 +39,14 @@ def bench(
     """
     check_jobs(jobs)
     found, state = _planned(case, engine, out, axes, engine_path, budget_s)
-    halted, runs = threading.Event(), list(state.runs)
-    work = working(found.stand, halted)
+    runs = list(state.runs)
+
+    def ended(one: Run) -> None:
+        runs.append(one)
+        tell(_line(one))
+
     try:
-        with own_beds(), closing(spent(state, work, jobs or cores(), halted)) as ended:
-            for one in ended:
-                runs.append(one)
-                tell(_line(one))
+        through(state, found.stand, jobs, ended)
         _check(runs)
     finally:
         left = left_out(replace(state, runs=tuple(runs)))
@@ -66,17 +64,12 @@ def _planned(
     budget_s: float,
 ) -> tuple[Benched, State]:
     """The bench with the runs of before, and where it goes on; its folder is made."""
-    plain = Case(case.name, {key: table for key, table in case.tables.items() if key != "stop"})
-    chosen = engine_for(plain, engine, engine_path)
-    chosen.check(1)
+    plain, chosen, folder = prepared(case, engine, engine_path, out, "bench")
     known = axes_of(plain, chosen.name)
     looked_at = wanted([axis.name for axis in known], axes)
     others, refused = points_of(plain, known)
     points = (reference(plain), *others)
-    goals = tolerances(plain.scene)
-    folder = Path(out) if out is not None else Path("runs") / "bench" / case.name
-    path = None if engine_path is None else Path(engine_path)
-    stand = Stand(folder, chosen.name, chosen.about().version, path, tuple(goals))
+    goals, stand = tolerances(plain.scene), stand_of(folder, chosen, engine_path, plain.scene)
     notes = [
         f"{axis} {name} is left out: {why}"
         for (axis, name), why in refused.items()

@@ -7,12 +7,13 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 
 from liftdrag.bench.points import Task
 from liftdrag.bench.runs import Run, Stand, carried_out, warm_up
 from liftdrag.bench.schedule import State, next_task
+from liftdrag.cost import cores
 from liftdrag.engines import mpi
 from liftdrag.engines.base import Progress
 from liftdrag.errors import InputError, RunFailed
@@ -83,6 +84,21 @@ def spent(
 def _has_room(task: Task, going: Sequence[Task], jobs: int) -> bool:
     alone = any(one.point.ranks > 1 for one in (task, *going))
     return len(going) < (1 if alone else jobs)
+
+
+def through(
+    state: State,
+    stand: Stand,
+    jobs: int | None,
+    tell: Callable[[Run], None],
+    choose: Callable[[State], Task | None] = next_task,
+) -> None:
+    """Carry out what is chosen, `jobs` at a time or one a core, and tell of each run that ended."""
+    halted = threading.Event()
+    runs = spent(state, working(stand, halted), jobs or cores(), halted, choose=choose)
+    with own_beds(), closing(runs) as ended:
+        for one in ended:
+            tell(one)
 
 
 def working(stand: Stand, halted: threading.Event) -> Work:

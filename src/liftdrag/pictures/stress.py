@@ -80,7 +80,7 @@ def _draw_axis(place: Axes, name: str, dots: Sequence[Dot]) -> None:
                 fontsize="xx-small",
                 ha="center",
             )
-    if name in LOGARITHMIC:
+    if name in LOGARITHMIC and len({dot.at for dot in dots}) > 1:
         place.set_xscale("log")
     else:
         place.set_xticks([dot.at for dot in dots])

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 from liftdrag.bench.axes import wanted
 from liftdrag.bench.judged import CASE, finished, tolerances
 from liftdrag.bench.points import Point, Task, points_of, reference
+from liftdrag.bench.prepared import prepared, stand_of
 from liftdrag.bench.runs import Run, Stand, folder_of, read
 from liftdrag.bench.schedule import State
-from liftdrag.bench.working import check_jobs, own_beds, spent, working
+from liftdrag.bench.working import check_jobs, through
 from liftdrag.case import Case
 from liftdrag.cost import cores
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.folder import RECORD, RESULT, read_json
-from liftdrag.runner import engine_for
 from liftdrag.stress.axes import SEEDS, axes_of
 from liftdrag.stress.outcome import RUNS, Tried, deviations_of, shifted
 from liftdrag.stress.shortened import shortened
@@ -50,16 +48,16 @@ def stress(
     check_jobs(jobs)
     seconds = budget_s * (jobs or cores())
     found, state = _planned(case, engine, out, axes, engine_path, seconds, budget_s)
-    halted, runs = threading.Event(), list(state.runs)
+    runs = list(state.runs)
     for line in found.bounds.lines():
         tell(line)
-    work = working(found.stand, halted)
+
+    def ended(one: Run) -> None:
+        runs.append(one)
+        tell(f"{one.axis} {one.name}: {one.status} {one.reason}".rstrip())
+
     try:
-        ended = spent(state, work, jobs or cores(), halted, choose=next_task)
-        with own_beds(), closing(ended):
-            for one in ended:
-                runs.append(one)
-                tell(f"{one.axis} {one.name}: {one.status} {one.reason}".rstrip())
+        through(state, found.stand, jobs, ended, next_task)
         _check(runs)
     finally:
         left = left_out(replace(state, runs=tuple(runs)))
@@ -81,16 +79,12 @@ def _planned(
 
     `seconds` of processor time are there for all of it.
     """
-    plain = Case(case.name, {key: table for key, table in case.tables.items() if key != "stop"})
-    chosen = engine_for(plain, engine, engine_path)
-    chosen.check(1)
+    plain, chosen, folder = prepared(case, engine, engine_path, out, "stress")
     names = [axis.name for axis in axes_of(plain)]
     asked = wanted([*names, SEEDS], axes)
     whole = [axis for axis in axes_of(plain) if axis.name in asked]
-    folder = Path(out) if out is not None else Path("runs") / "stress" / case.name
     short = begun(folder, case, chosen.name, shortened(plain, whole, seconds))
-    path, goals = None if engine_path is None else Path(engine_path), tolerances(short.scene)
-    stand = Stand(folder, chosen.name, chosen.about().version, path, tuple(goals))
+    goals, stand = tolerances(short.scene), stand_of(folder, chosen, engine_path, short.scene)
     known = tuple(axis for axis in axes_of(short) if axis.name in asked)
     others, refused = points_of(short, known)
     points = (reference(short), *others)
