@@ -30,7 +30,6 @@ from liftdrag.study.tasks import (
     folder_of,
     request,
 )
-from liftdrag.sweeping import table
 
 STUDY = """
 title = "Speeds"
@@ -165,17 +164,3 @@ def test_interrupted_study_leaves_no_process(tmp_path: Path):
     assert said.endswith("Interrupted.\n")
     assert not any(is_held(claim(out, task.digest)) for task in tasks)
     assert [state(task, out) for task in tasks] == ["interrupted", "interrupted"]
-
-
-def test_live_table_has_a_row_for_each_run_that_goes_on(tmp_path: Path):
-    from rich.console import Console
-
-    from liftdrag.study.pool import Row
-
-    with (tmp_path / "said").open("w") as file:
-        shown = table(View([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7))
-        Console(file=file, width=80).print(shown)
-    said = (tmp_path / "said").read_text()
-    assert "25 %" in said
-    assert "90 s" in said
-    assert "3 of 7 have ended" in said

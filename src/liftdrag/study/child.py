@@ -93,6 +93,7 @@ def _run(task: Task, study: Path, place: Path, ranks: int | None) -> None:
     folder = folder_of(task, study)
     if state_of(task, study, folder).finished:
         return
+    (place / PROGRESS).unlink(missing_ok=True)
     progress = _written(place)
     if _cut_short(folder):
         try:
