@@ -42,7 +42,7 @@ class View:
     """How far a pool is: the tasks that go on, those that `ended`, and how many there are.
 
     `waiting` ones are begun by `jobs` at a time on `ranks` each; those that `took` so many seconds
-    have finished here.
+    have finished here. `study` is the folder of all.
     """
 
     rows: Sequence[Row]
@@ -52,6 +52,7 @@ class View:
     took: Sequence[tuple[Task, float]] = ()
     jobs: int = 1
     ranks: int = 1
+    study: Path = Path()
 
 
 @dataclass(frozen=True)
@@ -154,8 +155,16 @@ class Pool:
     def _view(self) -> View:
         rows = [_row(one, claim(self.study, one.task.digest)) for one in self.going]
         away = [Row(task.name, "elsewhere", None, None) for task in self.elsewhere]
-        done, ranks = len(self.ended), self.ranks or 1
-        return View([*rows, *away], done, self.total, self.waiting, self.took, self.jobs, ranks)
+        return View(
+            [*rows, *away],
+            len(self.ended),
+            self.total,
+            self.waiting,
+            self.took,
+            self.jobs,
+            self.ranks or 1,
+            self.study,
+        )
 
     def _stop(self) -> None:
         for one in self.going:

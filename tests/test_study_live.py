@@ -1,17 +1,26 @@
-"""How long a study will still take: closed forms of a pool whose costs are known."""
+"""What the live table says: how long a study will still take, and what its runs answer so far."""
 
 from __future__ import annotations
 
 import logging
+import math
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from conftest import tiny_tank
 
+from liftdrag.analysis.quantity import Quantity
+from liftdrag.analysis.tank import forces
+from liftdrag.case import load
 from liftdrag.cost import foresee
 from liftdrag.engines import engine
 from liftdrag.numerics import derive
-from liftdrag.study import forecast
+from liftdrag.result import Result
+from liftdrag.scene import TankScene
+from liftdrag.study import early, forecast
+from liftdrag.study.early import Early, so_far
 from liftdrag.study.forecast import Forecast, foreseen_s
 from liftdrag.study.pool import Row, View
 from liftdrag.study.tasks import Task
@@ -90,14 +99,63 @@ def test_cost_of_a_task_is_that_which_its_run_foresees(caplog: pytest.LogCapture
     assert foreseen_s(Task("x", tiny_tank().set("seed", -1), "lammps"), 1) is None
 
 
+def test_answer_so_far_is_that_of_the_series_so_far(
+    result_of: Callable[[str], Result], tmp_path: Path
+):
+    """Of a run cut in the middle of a row, that row is left out; of a dead or young one, none."""
+    whole = result_of("free surface")
+    folder = shutil.copytree(whole.folder, tmp_path / "run")
+    task = Task("a", tiny_tank(), "lammps")
+    assert so_far(task, folder)["drag"].mean == pytest.approx(whole.quantities["drag"].mean, 0.02)
+    rows = (folder / "forces.dat").read_text().splitlines(keepends=True)
+    half = len(rows) * 3 // 4
+    (folder / "forces.dat").write_text("".join(rows[:half]) + rows[half][:9])
+    kept = half - sum(row.startswith("#") for row in rows) - 1
+    scene = task.case.scene
+    assert isinstance(scene, TankScene)
+    assert so_far(task, folder) == forces(scene, whole.series.first(kept))
+    (folder / "forces.dat").write_text("".join(rows[:5]))
+    assert so_far(task, folder) == {}
+    assert so_far(task, tmp_path / "none") == {}
+    assert so_far(Task("s", load("shear/quick"), "dem"), folder) == {}
+
+
+def test_runs_are_looked_at_in_turn(monkeypatch: pytest.MonkeyPatch):
+    asked = list[str]()
+
+    def so_far(task: Task, _folder: Path) -> dict[str, Quantity]:
+        asked.append(task.name)
+        return {}
+
+    monkeypatch.setattr(early, "so_far", so_far)
+    found, pool = Early(), view([going(name, 1.0) for name in "abc"])
+    found.look(pool)
+    assert asked == []
+    monkeypatch.setattr(early, "LEAST_S", 0.0)
+    monkeypatch.setattr(early, "SHARE", math.inf)
+    found = Early()
+    for _ in range(4):
+        found.look(pool)
+    found.look(view([going("c", 1.0)]))
+    assert asked == [*"abca", "c"]
+    assert list(found.answers) == ["c"]
+
+
 @pytest.mark.usefixtures("costs")
 def test_live_table_has_a_row_for_each_run_that_goes_on(tmp_path: Path):
     from rich.console import Console
 
     rows = [going("a", 10.0), Row("b", "starting", None, None, TASKS["b"], 1.0)]
     with (tmp_path / "said").open("w") as file:
-        Console(file=file, width=80).print(table(view(rows, "c", {"d": 100.0}), Forecast()))
+        found = Early()
+        found.answers["a"] = {
+            "drag": Quantity(1.234, 0.056, "N", 1.0, 30.0, True),
+            "lift": Quantity(0.1234, 0.1, "N", 1.0, 3.0, False),
+        }
+        shown = table(view(rows, "c", {"d": 100.0}), Forecast(), found)
+        Console(file=file, width=100).print(shown)
     said = (tmp_path / "said").read_text()
     assert "50 %" in said
     assert "90 s" in said
+    assert "drag 1.234 ± 0.056 N, lift ~ 0.12 N" in said
     assert "1 of 4 have ended, about 17 min left" in said
