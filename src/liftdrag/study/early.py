@@ -22,7 +22,7 @@ from liftdrag.study.tasks import Task, folder_of
 SHARE = 0.02
 """Of the time on the clock, about this is spent on reading series."""
 
-LEAST_S = 1.0
+LEAST_S, MOST_S = 1.0, 10.0
 """Seconds between two looks, each at one run."""
 
 
@@ -45,7 +45,7 @@ class Early:
         self.answers.pop(name, None)
         self.answers[name] = so_far(tasks[name], folder_of(tasks[name], view.study))
         now = time.monotonic()
-        self._next = now + max((now - begin) / SHARE, LEAST_S)
+        self._next = now + min(max((now - begin) / SHARE, LEAST_S), MOST_S)
 
 
 def so_far(task: Task, folder: Path) -> dict[str, Quantity]:
