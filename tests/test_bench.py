@@ -20,6 +20,7 @@ from conftest import tiny_tank
 from hypothesis import given
 from hypothesis import strategies as st
 from test_drag2d_scene import TINY, tiny
+from test_shear_scene import tiny as tiny_cell
 from typer.testing import CliRunner
 
 from liftdrag.analysis.biases import Biases, read_biases
@@ -130,6 +131,7 @@ class TestAxes:
             ("guillard2014/lid", []),
             ("zhou/c1", []),
             ("janssen/quick", []),
+            ("shear/quick", []),
         ],
     )
     def test_every_value_of_a_packaged_case_changes_what_it_says(
@@ -152,6 +154,15 @@ class TestAxes:
             if axis.name != "ranks":
                 assert _value(point.case, axis.key) == pytest.approx(setting.at)
                 assert setting.at != axis.own
+
+    def test_larger_cell_has_the_same_proportions(self):
+        sides = {"length": "6 d_v", "height": "5 d_v", "width": "4 d_v", "count": None}
+        case = tiny_cell(cell=sides)
+        (axis,) = (axis for axis in axes_of(case, "dem") if axis.name == "size")
+        points, _ = points_of(case, [axis])
+        for point, share in zip(points, (0.5, 2.0), strict=True):
+            found = np.array(point.case.scene.sides) / np.array(case.scene.sides)
+            assert found == pytest.approx(share ** (1 / 3), rel=1e-5)
 
     def test_axes_of_each_scene(self):
         of = {name: [a.name for a in axes_of(load(name), "lammps")] for name in CASES}
@@ -195,6 +206,7 @@ CASES = {
     "quick": "time_step stiffness pair_law speed length thickness height sampling ranks".split(),
     "zhou/c1": "time_step stiffness speed width".split(),
     "janssen/quick": "time_step stiffness speed averaging ranks".split(),
+    "shear/quick": "time_step stiffness size averaging ranks".split(),
 }
 
 

@@ -28,7 +28,7 @@ from liftdrag.errors import InputError
 from liftdrag.folder import Record
 from liftdrag.result import Result
 from liftdrag.resume import resume
-from liftdrag.runner import analyze
+from liftdrag.runner import analyze, run
 from liftdrag.tank import prepare
 
 CASE = tiny_tank(
@@ -188,6 +188,17 @@ def test_a_run_that_goes_on_has_no_gap_and_the_same_answers(result, tmp_path, mo
     every = prepare(CASE)[0].fields_every.value
     assert_allclose(times, np.arange(len(times)) * every, rtol=1e-9)
     assert len(times) == plan.stages["drive"] // every + 1
+
+
+@pytest.mark.validate
+@pytest.mark.needs("liggghts")
+def test_a_run_of_liggghts_goes_on_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(process, "POLL_S", 0.02)
+    whole = run(CASE, tmp_path / "whole", "liggghts")
+    folder = killed(tmp_path / "run", "drive", 2000, CASE, "liggghts")
+    assert resume(None, folder).quantities == whole.quantities
+    for name in ("fields.dump", "contacts.dump", "cylinder.csv"):
+        assert (folder / name).read_bytes() == (whole.folder / name).read_bytes()
 
 
 def test_without_the_table_nothing_is_dumped(tmp_path):

@@ -197,7 +197,7 @@ def test_refused_before_anything_is_started(
 
 
 def test_dump_is_refused(out: Path):
-    with pytest.raises(InputError, match="--dump is for a tank"):
+    with pytest.raises(InputError, match="--dump is for a tank or a shear flow"):
         run(tiny(), out, "dem", dump=True)
 
 

@@ -20,6 +20,7 @@ from conftest import with_lid
 from kills import TANK, engines_in
 from test_drag2d_scene import tiny as tiny_bed
 from test_janssen_scene import tiny as tiny_tube
+from test_shear_scene import tiny as tiny_cell
 
 from liftdrag.resume import resume
 from liftdrag.runner import run
@@ -32,6 +33,9 @@ BED = tiny_bed().set("ensemble.runs", 6)
 
 TUBE = tiny_tube().set("numerics.restart_every", 1000)
 OF_TUBE = ("forces.dat", "profile.dat", "curve.csv", "series.csv")
+
+SHEARED = tiny_cell(drive={"strain": 60.0})
+OF_SHEAR = ("stresses.csv", "looks.npz", "series.csv", "structure.csv", "stress.csv")
 
 SCENES = {
     "tank": (LONG, "lammps", 1, ("forces.dat", "bed.dat", "series.csv")),
@@ -46,6 +50,8 @@ SCENES = {
     "lid in a tube": (TUBE.set("overload", {"mass": "3 g"}), "lammps", 1, OF_TUBE),
     "tube on Debian's lmp": (TUBE, "lmp", 1, OF_TUBE),
     "tube on LIGGGHTS": (TUBE, "liggghts", 1, OF_TUBE),
+    "shear": (SHEARED, "dem", 1, OF_SHEAR),
+    "shear on 2 threads": (SHEARED, "dem", 2, OF_SHEAR),
     "tube": (tiny_tube(), "dem", 1, ("curve.csv", "series.csv", "profile.csv")),
 }
 

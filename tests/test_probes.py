@@ -57,7 +57,7 @@ def templates(monkeypatch: pytest.MonkeyPatch) -> Iterator:
             keep_trailing_newline=True,
         )
         assert any(old in template(f"lammps/{file}") for file in ("bodies.in.j2", "wall_law.j2"))
-        monkeypatch.setattr(liftdrag.deck.template, "_environment", lambda: environment)
+        monkeypatch.setattr(liftdrag.deck.template, "environment", lambda **_: environment)
 
     return put
 

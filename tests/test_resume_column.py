@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from test_janssen_scene import tiny
 
+from liftdrag.arrays import read_arrays
 from liftdrag.engines import checkpoint
+from liftdrag.engines.dem_column import DECK
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.resume import resume
 from liftdrag.runner import run
@@ -61,7 +63,7 @@ def test_a_column_goes_on_to_the_same_bits(share, whole, tmp_path):
     assert result.record["steps"] == old["steps"]
     assert 0 < step <= share * old["steps"]
     assert result.record["quantities"] == old["quantities"]
-    assert not list(folder.glob("filling*"))
+    assert not list(folder.glob("state-*"))
 
 
 @pytest.mark.parametrize(
@@ -69,11 +71,7 @@ def test_a_column_goes_on_to_the_same_bits(share, whole, tmp_path):
 )
 def test_a_state_that_is_not_whole_or_of_another_deck_is_passed_over(whole, tmp_path, damage):
     folder = interrupted(tmp_path / "run", 0.6)
-    states = {
-        name: checkpoint._read(folder / name, checkpoint.deck_digest(folder))
-        for name in checkpoint.FILES
-    }
-    steps = {name: int(state["done"]) for name, state in states.items()}
+    steps = {name: int(read_arrays(folder / name)["done"]) for name in checkpoint.FILES}
     later = max(steps, key=steps.get)
     for name in checkpoint.FILES:
         content = bytearray((folder / name).read_bytes())
@@ -82,7 +80,7 @@ def test_a_state_that_is_not_whole_or_of_another_deck_is_passed_over(whole, tmp_
             (folder / name).write_bytes(content)
     if damage == "other deck":
         (folder / "column.toml").write_text((folder / "column.toml").read_text() + "\n")
-        assert checkpoint.latest(folder) is None
+        assert checkpoint.Keeper(folder, DECK).latest() is None
         with pytest.raises(InputError, match=r"column\.toml is not the file that was written"):
             resume(None, folder)
         return

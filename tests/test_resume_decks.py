@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 from pathlib import Path
 
 import pytest
-from kills import TANK, Kill, engines_in, killed
+from kills import TANK, Kill, end_engines, killed, struck
 from test_janssen_scene import tiny
 
 from liftdrag.analysis import janssen_stop
@@ -18,7 +16,6 @@ from liftdrag.engines import process, restart
 from liftdrag.engines.fills import ends_in, read_fills
 from liftdrag.engines.phases import Phase, phase_at
 from liftdrag.engines.stopper import PRECISION
-from liftdrag.errors import RunFailed
 from liftdrag.files import text
 from liftdrag.folder import Record
 from liftdrag.resume import resume
@@ -78,8 +75,7 @@ def test_what_was_killed_goes_on_to_the_same_bits(case, engine, stage, step, fil
 
 def test_times_are_those_of_all_sessions(tmp_path):
     folder = killed(tmp_path / "run", "drive", 1500, COLUMN)
-    with pytest.raises(RunFailed, match="killed"):
-        resume(None, folder, progress=Kill(folder, "drive", 3000))
+    struck(folder, lambda: resume(None, folder, progress=Kill(folder, "drive", 3000)))
     found = resume(None, folder).record
     sessions = found["provenance"]["sessions"]
     assert [session["status"] for session in sessions] == ["killed", "killed", "finished"]
@@ -151,11 +147,9 @@ def test_an_average_that_ended_early_stays_so(engine, tmp_path, monkeypatch):
 
     def kill(_stage: str, _done: int, _total: int) -> None:
         if "LIFTDRAG PHASE average_2" in text(log):
-            for pid in engines_in(folder):
-                os.kill(pid, signal.SIGKILL)
+            end_engines(folder)
 
-    with pytest.raises(RunFailed, match="killed"):
-        run(STOPPED, folder, engine, progress=kill)
+    struck(folder, lambda: run(STOPPED, folder, engine, progress=kill))
     (ended,) = ends_in(text(log))[:1]
     (folder / "STOP-2").write_text(PRECISION)
     resume(None, folder)

@@ -145,6 +145,7 @@ def test_difference_from_the_papers_curve_is_in_combined_errors():
     curve = exp(-5.0174 * 0.7 + 2.2389)
     stress = quantity(1.1 * curve, 0.03 * curve)
     measured = {"order_parameter": quantity(0.7, 0.01), "pressure": quantity(1.0, 0.1)}
+    measured["bulk_friction"] = quantity(0.3, 0.01)
     beside = compared(0.5, measured | {"shear_stress": stress})["shear_stress"]
     error = hypot(0.03 * curve, 5.0174 * 0.01 * curve)
     assert beside.curve.mean == pytest.approx(curve)

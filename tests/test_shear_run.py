@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from test_shear_scene import tiny
 
 from liftdrag import sheared
 from liftdrag.arrays import read_arrays
-from liftdrag.bench import bench
 from liftdrag.case import load
 from liftdrag.deck.shear import CHANNELS, GRAINS, START, STRESSES
 from liftdrag.deck.tables import table
@@ -24,9 +21,7 @@ from liftdrag.engines.dem import main as run_by_hand
 from liftdrag.engines.samples import read_samples
 from liftdrag.errors import CaseError, InputError, RunFailed
 from liftdrag.result import Result
-from liftdrag.resume import resume
 from liftdrag.runner import analyze, build_deck, run
-from liftdrag.stress import stress
 
 
 @pytest.fixture(scope="module")
@@ -99,30 +94,12 @@ def test_engine_without_cylinders_is_refused(engine: str, out: Path):
     assert not out.exists()
 
 
-def test_what_a_shear_flow_has_not_is_refused_in_a_sentence(made: Result, out: Path):
-    asked: list[tuple[Callable[[], Any], str]] = [
-        (lambda: run(tiny(), out, dump=True), "leaves looks.npz"),
-        (lambda: bench(tiny(), out=out), "no bench"),
-        (lambda: stress(tiny(), out=out), "no stress map"),
-    ]
-    for ask, says in asked:
-        with pytest.raises(InputError, match=says):
-            ask()
-    assert not out.exists()
-    (made.folder / "result.json").replace(made.folder / "kept.json")
-    try:
-        with pytest.raises(InputError, match="keeps no state to go on from"):
-            resume(None, made.folder)
-    finally:
-        (made.folder / "kept.json").replace(made.folder / "result.json")
-
-
 def test_run_that_takes_too_long_says_so(out: Path):
     with pytest.raises(RunFailed) as caught:
         run(tiny(), out, timeout_s=1e-3)
     assert caught.value.status == "timeout"
     assert json.loads((out / "result.json").read_text())["status"] == "timeout"
-    assert "--resume" not in str(caught.value)
+    assert "Go on with: liftdrag run --resume --out" in str(caught.value)
 
 
 def test_cell_that_cannot_be_packed_is_refused(monkeypatch: pytest.MonkeyPatch, out: Path):

@@ -240,8 +240,12 @@ def test_curve_at_half_is_that_of_the_paper():
     assert [float(one(np.array(0.7))) for one in found if one] == pytest.approx(
         [exp(-5.0174 * 0.7 + 2.2389), exp(-3.3785 * 0.7 + 2.8122)]
     )
-    assert liu.curve("pressure", 0.3) is None
-    assert liu.curve("pressure", 0.6) is None
+    friction = liu.curve("bulk_friction", 0.5)
+    assert friction is not None
+    assert float(friction(np.array(0.7))) == pytest.approx(exp(-1.6389 * 0.7 - 0.5733))
+    for name in ("pressure", "bulk_friction"):
+        assert liu.curve(name, 0.3) is None
+        assert liu.curve(name, 0.6) is None
 
 
 @pytest.mark.parametrize("name", ["shear/quick", "liu2020/rods"])

@@ -13,6 +13,7 @@ from conftest import TINY, tiny_tank
 from test_bench import run_of
 from test_drag2d_scene import TINY as PLANE
 from test_drag2d_scene import tiny
+from test_shear_scene import tiny as tiny_cell
 from typer.testing import CliRunner
 
 import liftdrag.bench.runs
@@ -67,6 +68,8 @@ class TestAxes:
         names = ["time_step", "stiffness", "restitution", "friction", "speed"]
         for case in ("quick", "zhou/c1", "janssen/walton_13"):
             assert [axis.name for axis in axes_of(load(case))] == names
+        sheared = ["time_step", "stiffness", "restitution", "shear_rate"]
+        assert [axis.name for axis in axes_of(load("shear/quick"))] == sheared
         still = load("janssen/quick").set("drive", {"motion": "none", "duration": "0.1 s"})
         assert [axis.name for axis in axes_of(still)] == names[:-1]
 
@@ -233,6 +236,20 @@ class TestRealBreaks:
         assert record["margin"]["largest"] == pytest.approx(0.3, rel=1e-3)
         assert record["margin"]["breaks"] == pytest.approx(1.0, rel=1e-3)
         assert record["points"] == json.loads((out / "stress.json").read_text())["points"]
+
+    def test_shear_flow_breaks_by_its_rate_and_not_by_its_step(self, tmp_path: Path, monkeypatch):
+        monkeypatch.setattr(liftdrag.stress.axes, "STEPS", (0.25,))
+        monkeypatch.setattr(liftdrag.stress.axes, "SPEEDS", (300.0,))
+        monkeypatch.setattr(liftdrag.stress.harness, "RUNS", 1)
+        asked = ["time_step", "shear_rate"]
+        found = stress(tiny_cell(), None, tmp_path / "out", 300.0, 1, asked)
+        assert found.short.tables == tiny_cell().tables
+        verdicts = {row["axis"]: row["causes"] for row in found.rows()}
+        assert verdicts == {"time_step": "", "shear_rate": "overlap", "seeds": ""}
+        assert found.margin is not None
+        assert found.margin.breaks is None
+        record = json.loads((tmp_path / "out" / "stress.json").read_text())
+        assert {"shear_stress deviation", "pressure deviation"} <= record["points"][0].keys()
 
     def test_plane_breaks_by_speed_and_a_step_is_refused(self, tmp_path: Path, monkeypatch):
         monkeypatch.setattr(liftdrag.stress.axes, "STEPS", (0.1, 1.0))

@@ -441,3 +441,46 @@ def test_lines_of_a_picture_are_those_of_a_naive_loop(
     assert [(line.label, len(line.places)) for line in by_lift] == [("plain", 2), ("rough", 6)]
     bigs = [1.5, 1.75, 2] * 2
     assert by_lift[1].places == pytest.approx([0.25 / (big * 1.5e-3) for big in bigs])
+
+
+def test_lines_of_shear_flows_have_the_papers_curve_beside_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """At a solid fraction of 0.5 from S = 0.5 on; a group is called what its points share."""
+    file = tmp_path / "s.study"
+    file.write_text(
+        'title = "S"\n[grid]\n"cell.solid_fraction" = [0.3, 0.5]\n'
+        '[runs.rods]\ncase = "liu2020/rods"\n[runs.disks]\ncase = "liu2020/disks"\n'
+        '[[pictures]]\nfile = "a.png"\ntitle = "t"\nquantity = "pressure"\nlogarithmic = ["y"]\n'
+        'against = "order_parameter"\ncurve = "liu2020"\ngroups = [\n'
+        '["disks-solid_fraction=0.3", "rods-solid_fraction=0.3"],\n'
+        '["disks-solid_fraction=0.5", "rods-solid_fraction=0.5"]]\n'
+    )
+    drawn = list[Line]()
+    lines = pictures.draw_lines
+    monkeypatch.setattr(
+        "liftdrag.study.drawn.draw_lines",
+        lambda title, found, *rest: (drawn.extend(found), lines(title, found, *rest)),
+    )
+    plan, found = read(str(file)), points(file)
+    states = {
+        task.digest: State(
+            "finished",
+            quantities={
+                "pressure": Quantity(1.0, 0.1, "1", 1.0, 50.0, True),
+                "order_parameter": Quantity(order, 0.01, "1", 1.0, 50.0, True),
+            },
+        )
+        for name, order in zip(found, (0.8, 0.9, 0.3, 0.4), strict=True)
+        for task in tasks_of(found[name])
+    }
+    draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
+    loose, dense = drawn
+    assert [line.label for line in drawn] == ["solid_fraction=0.3", "solid_fraction=0.5"]
+    assert loose.beside == ()
+    assert (dense.beside[0][0], dense.beside[-1][0]) == (0.5, 0.9)
+    assert dense.beside[-1][1] == pytest.approx(exp(-3.3785 * 0.9 + 2.8122))
+    assert (tmp_path / "a.png").exists()
+    file.write_text(file.read_text().replace('against = "order_parameter"', 'against = "pressure"'))
+    with pytest.raises(InputError, match=r"no curve of pressure against pressure; set against"):
+        read(str(file))

@@ -434,7 +434,9 @@ def report(
 
 @app.command()
 def vtk(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run with --dump.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a run with --dump, or of a shear flow.")
+    ],
 ) -> None:
     """Write the trajectory of a run for ParaView; OVITO opens trajectory.dump itself."""
     from liftdrag.trajectory import write_vtk

@@ -308,7 +308,7 @@ def _failed(task: _Task, record: Record, status: str, reason: str) -> RunFailed:
     """The failure of a run without outcomes, written down where that is possible."""
     with contextlib.suppress(RunFailed):
         write_json(task.folder / RESULT, begun(record, status, [reason]))
-    how = how_on(record, task.folder, status)
+    how = how_on(task.folder, status)
     return RunFailed(status, f"{status} in {task.folder}: {reason}{how and '.'}{how}")
 
 

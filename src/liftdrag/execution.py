@@ -111,7 +111,7 @@ def carried_out(
             record = sessions.closed(record, folder, outcome.status, wall_s, outcome.cpu_s)
         with contextlib.suppress(RunFailed):
             write_json(folder / RESULT, _ended(record, outcome, [outcome.reason]))
-        how = how_on(record, folder, outcome.status)
+        how = how_on(folder, outcome.status)
         reason = f"{outcome.status}: {outcome.reason}.{how}"
         raise RunFailed(outcome.status, reason, outcome.evidence)
     record = sessions.closed(record, folder, outcome.status, wall_s, outcome.cpu_s)
@@ -166,12 +166,12 @@ def _timed(
     with contextlib.suppress(RunFailed):
         ended = begun(record, failure.status, [failure.reason]) | sessions.spent(record)
         write_json(folder / RESULT, ended)
-    reason = f"{failure.reason}{how_on(record, folder, failure.status)}"
+    reason = f"{failure.reason}{how_on(folder, failure.status)}"
     raise RunFailed(failure.status, reason, failure.evidence) from None
 
 
-def how_on(record: Record, folder: Path, status: str) -> str:
-    """How to go on with a run that was cut short; a shear flow cannot."""
-    if status not in CUT_SHORT or record.tables["scene"] == "shear":
+def how_on(folder: Path, status: str) -> str:
+    """How to go on with a run that was cut short."""
+    if status not in CUT_SHORT:
         return ""
     return f" Go on with: liftdrag run --resume --out {shlex.quote(str(folder))}"

@@ -11,11 +11,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from liftdrag import ensemble, piston
+from liftdrag import ensemble, piston, sheared
 from liftdrag.case import Case
 from liftdrag.deck.restart import deck_of
-from liftdrag.engines import checkpoint, restart
+from liftdrag.engines import dem_column, dem_shear, restart
 from liftdrag.engines.base import Engine, Progress, silent
+from liftdrag.engines.checkpoint import Keeper
 from liftdrag.engines.family import Family
 from liftdrag.errors import InputError
 from liftdrag.execution import carried_out
@@ -23,10 +24,13 @@ from liftdrag.folder import RECORD, RESULT, Record, read_json, writing
 from liftdrag.lock import held
 from liftdrag.result import Result, budgeted
 from liftdrag.runner import analyze, engine_for, run
-from liftdrag.scene import Drag2DScene, JanssenScene, TankScene
+from liftdrag.scene import Drag2DScene, JanssenScene, ShearScene, TankScene
 from liftdrag.tank import enough_for
 
 _log = logging.getLogger("liftdrag")
+
+_DECKS = {deck[0]: deck for deck in (dem_column.DECK, dem_shear.DECK)}
+"""The files of a deck of the in-house engine, by the one that it starts from."""
 
 
 def resume(
@@ -42,8 +46,9 @@ def resume(
 
     A run that has finished is only read again, one that never began is started. LAMMPS goes on
     from the last whole restart file, or anew where there is none yet; an ensemble with the
-    packings that have not finished; a column of the in-house engine from its last state kept.
-    Raises InputError where the run is another or cannot go on, RunFailed when it does not finish.
+    packings that have not finished; a column or a sheared cell of the in-house engine from the last
+    whole state that it kept. Raises InputError where the run is another or cannot go on, RunFailed
+    when it does not finish.
     """
     if out is None:
         raise InputError("--resume needs --out, the folder of the run to go on with.")
@@ -98,6 +103,9 @@ def _gone_on(
     if isinstance(case.scene, JanssenScene):
         _, found = piston.gone_through(case, engine, record, folder, progress, timeout_s)
         return budgeted(found, case, None)
+    if isinstance(case.scene, ShearScene):
+        _, found = sheared.gone_through(case, engine, record, folder, progress, timeout_s)
+        return budgeted(found, case, None)
     assert isinstance(case.scene, TankScene)
     enough = enough_for(case.scene, engine, record, folder)
     carried_out(engine, record, folder, progress, enough, timeout_s)
@@ -109,17 +117,12 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
 
     Raises InputError when it cannot go on.
     """
-    if record.tables["scene"] == "shear":
-        raise InputError(
-            f"A shear flow keeps no state to go on from; remove {folder} and run again."
-        )
     _check_engine(record, engine, folder)
     if record.tables["scene"] == "drag2d":
         return record
     _check_deck(record, folder)
     if not isinstance(engine, Family):
-        state = checkpoint.latest(folder)
-        return _noted(record, folder, None if state is None else ("drive", int(state["done"])))
+        return _noted(record, folder, _kept(record, folder))
     point = restart.latest(record.plan, folder, engine.log)
     if point is None:
         with writing(folder):
@@ -129,6 +132,15 @@ def _going_on(record: Record, engine: Engine, folder: Path) -> Record:
         restart.take_back(point, record.plan, folder, engine.log)
     record = _noted(record, folder, (point.stage, point.step))
     return replace(record, plan=replace(record.plan, start=deck_of(record.plan.start, point.stage)))
+
+
+def _kept(record: Record, folder: Path) -> tuple[str, int] | None:
+    """Where the last whole state of the in-house engine is; those that are damaged are told of."""
+    keeper = Keeper(folder, _DECKS.get(record.plan.start, ()))
+    for name in keeper.damaged():
+        _log.warning("%s is damaged and is passed over.", name)
+    state = keeper.latest()
+    return None if state is None else ("drive", int(state["done"]))
 
 
 def _noted(record: Record, folder: Path, point: tuple[str, int] | None) -> Record:

@@ -65,7 +65,6 @@ def run(
         _refuse_dump(dump, "a column leaves its profiles")
         found = piston.run(case, asked)
     elif isinstance(case.scene, ShearScene):
-        _refuse_dump(dump, "a sheared cell leaves looks.npz")
         found = sheared.run(case, asked)
     else:
         found = tank.run(case, asked)
@@ -74,7 +73,7 @@ def run(
 
 def _refuse_dump(dump: bool, instead: str) -> None:
     if dump:
-        raise InputError(f"--dump is for a tank; {instead}.")
+        raise InputError(f"--dump is for a tank or a shear flow; {instead}.")
 
 
 def engine_for(case: Case, name: str | None, path: str | Path | None = None) -> Engine:

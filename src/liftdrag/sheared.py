@@ -1,4 +1,4 @@
-"""A shear flow of rods and disks, from a case to its result: a cell grown and sheared."""
+"""A shear flow of rods, disks and spheres, from a case to its result: a cell grown and sheared."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from liftdrag.deck import Deck
 from liftdrag.deck.shear import build, check_engine
 from liftdrag.dem import is_cold
 from liftdrag.engines import engine as engine_called
-from liftdrag.engines.base import Engine
+from liftdrag.engines.base import Engine, Outcome, Progress, silent
 from liftdrag.engines.identity import identity
 from liftdrag.errors import InputError, RunFailed
 from liftdrag.execution import Asked, carried_out, write_deck
@@ -28,14 +28,18 @@ from liftdrag.folder import RESULT, Record, check_free, claimed, fresh, write_js
 from liftdrag.numerics import ShearNumerics, derive
 from liftdrag.packing.shear import grown_cell
 from liftdrag.pictures.cylinders import draw_cell
-from liftdrag.pictures.shear import draw_flow, draw_order
+from liftdrag.pictures.shear import ORDER, draw_flow, draw_order
 from liftdrag.result import Result
 from liftdrag.result import answered as quantities_of
 from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
+from liftdrag.trajectory import write_dump
 
-FILES = (RESULT, "series.csv", "structure.csv", "stress.csv", "flow.png", "cell.png", "order.png")
+FILES = (RESULT, "series.csv", "structure.csv", "stress.csv", "flow.png", "cell.png")
+
+ORDERED = "order.png"
+"""What is drawn of grains with axes alone."""
 
 
 def prepare(case: Case, ranks: int = 1) -> tuple[ShearNumerics, Deck]:
@@ -97,10 +101,25 @@ def _run(case: Case, asked: Asked, own: ExitStack) -> Result:
         estimate=expected.to_dict(),
         made_by=identity(engine),
     )
-    enough = _enough(scene)
-    outcome, result = carried_out(engine, record, folder, asked.progress, enough, asked.timeout_s)
+    outcome, found = gone_through(case, engine, record, folder, asked.progress, asked.timeout_s)
     expected.compare(outcome, float(outcome.grains * outcome.steps))
-    return answered(folder, scene, record, result)
+    if asked.dump:
+        write_dump(folder)
+    return found
+
+
+def gone_through(
+    case: Case,
+    engine: Engine,
+    record: Record,
+    folder: Path,
+    progress: Progress = silent,
+    timeout_s: float | None = None,
+) -> tuple[Outcome, Result]:
+    """The run of a deck in its folder, or the rest of it, and its answers."""
+    scene = scene_of(case)
+    outcome, result = carried_out(engine, record, folder, progress, _enough(scene), timeout_s)
+    return outcome, answered(folder, scene, record, result)
 
 
 def _enough(scene: ShearScene) -> Stopping | None:
@@ -119,18 +138,21 @@ def answered(folder: Path, scene: ShearScene, record: Record, result: dict[str, 
     warnings += missed(scene.targets, found.quantities, "drive.strain")
     result = result | _reported(found) | {"warnings": warnings}
     result = watched(result, sheared_invariants(scene, sampled))
+    has_order = ORDER in found.quantities
     try:
         write_json(folder / RESULT, result)
         found.series.to_pandas().to_csv(folder / "series.csv")
         found.structure.to_pandas().to_csv(folder / "structure.csv")
         write_tensor(found.tensor, folder / "stress.csv")
         draw_flow(scene, found, folder / "flow.png")
-        draw_order(scene, found, folder / "order.png")
+        if has_order:
+            draw_order(scene, found, folder / ORDERED)
         draw_cell(scene, last, folder / "cell.png")
     except (OSError, RunFailed) as error:
         result["warnings"] = [f"Nothing was written to {folder}: {error}", *result["warnings"]]
     check_sound(result)
-    return Result(folder, result, found.quantities, found.series, found.window, FILES)
+    files = (*FILES, ORDERED) if has_order else FILES
+    return Result(folder, result, found.quantities, found.series, found.window, files)
 
 
 def _read(folder: Path, scene: ShearScene, record: Record) -> tuple[Series, ShearAnswers, Snapshot]:

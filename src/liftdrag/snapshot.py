@@ -12,7 +12,7 @@ class Snapshot:
     """Grains at `time` (s): `kind` (n,) type, `position` and `velocity` (n, 3) in m and m/s.
 
     `angle` (n,) of the long axis (rad), in the plane, or `axis` (n, 3), a unit vector, where
-    grains have one and the engine tells it.
+    grains have one and the engine tells it; zero of a sphere among them.
     """
 
     time: float

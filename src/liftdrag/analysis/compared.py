@@ -1,4 +1,4 @@
-"""Measured stresses beside the paper's curves of stress against alignment."""
+"""Measured stresses beside the paper's curves of stress against alignment, or kinetic theory."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from liftdrag import liu
+from liftdrag import kinetic, liu
 from liftdrag.analysis.quantity import Quantity, ratio
 
-COMPARED = ("shear_stress", "pressure")
-"""What the paper has a curve of."""
+THEORY = {"shear_stress": "shear_stress", "pressure": "pressure", "fluctuation_energy": "energy"}
+"""What kinetic theory says of spheres, and what it calls it."""
 
 
 @dataclass(frozen=True)
 class Compared:
     """A `measured` stress, and that of the `curve` at the measured order, with the order's error.
 
-    The paper gives no error of the curve itself.
+    The paper gives no error of the curve itself, and theory has none.
     """
 
     measured: Quantity
@@ -46,10 +46,23 @@ def compared(solid_fraction: float, found: Mapping[str, Quantity]) -> dict[str, 
     """The stresses of `found` beside the curves at its `order_parameter`; none without a curve."""
     order = found["order_parameter"]
     beside = dict[str, Compared]()
-    for name in COMPARED:
+    for name in liu.CURVES:
         curve = liu.curve(name, solid_fraction)
         if curve is not None:
             there = float(curve(np.array(order.mean)))
             error = abs(curve.a) * there * order.standard_error
             beside[name] = Compared(found[name], replace(order, mean=there, standard_error=error))
     return beside
+
+
+def beside_theory(
+    solid_fraction: float, restitution: float, found: Mapping[str, Quantity]
+) -> dict[str, Compared]:
+    """The stresses and energy of hard spheres beside kinetic theory; none where they freeze."""
+    if solid_fraction > kinetic.FREEZING:
+        return {}
+    there = kinetic.steady_shear(solid_fraction, restitution)
+    return {
+        name: Compared(found[name], Quantity(getattr(there, own), 0.0, "1", None, None, True))
+        for name, own in THEORY.items()
+    }

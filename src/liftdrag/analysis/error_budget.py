@@ -18,7 +18,7 @@ AXES = {
     "tank": ("time_step", "stiffness", "speed", "length", "thickness", "height"),
     "drag2d": ("time_step", "stiffness", "speed", "width"),
     "janssen": ("time_step", "stiffness", "speed"),
-    "shear": (),
+    "shear": ("time_step", "stiffness", "size"),
 }
 """The choices that bias each scene's answers."""
 
@@ -32,11 +32,18 @@ JUDGED_AS = {
     },
     "drag2d": {"drag": "drag"},
     "janssen": {"apparent_mass": "apparent_mass", "saturation_mass": "saturation_mass"},
-    "shear": {},
+    "shear": {"shear_stress": "shear_stress", "pressure": "pressure"},
 }
 """Quantities that have a budget, and under which name a bench gives their relative bias."""
 
-_OF_NO_MATTER = ("seed", "drive.distance", "drive.duration", "ensemble.runs", "stop")
+_OF_NO_MATTER = (
+    "seed",
+    "drive.distance",
+    "drive.duration",
+    "drive.strain",
+    "ensemble.runs",
+    "stop",
+)
 """Keys that change how long a case is run, and not what it answers."""
 
 

@@ -53,6 +53,9 @@ MEANINGS = {
     "stacking_fraction": "share of grains in stacks",
     "shear_stress_over_liu": "over the paper's at this order",
     "pressure_over_liu": "over the paper's at this order",
+    "shear_stress_over_theory": "over that of hard spheres, Enskog",
+    "pressure_over_theory": "over that of hard spheres, Enskog",
+    "fluctuation_energy_over_theory": "over that of hard spheres, Enskog",
     **{
         f"{name}_{number}": f"of species {number} of the case"
         for name in ("order_parameter", "stack_size", "stacking_fraction")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from liftdrag import liu
-from liftdrag.analysis.compared import COMPARED, Compared, compared
+from liftdrag.analysis.compared import Compared, beside_theory, compared
 from liftdrag.analysis.correlated import mean_of, ratio_of_means
 from liftdrag.analysis.errorbars import MINIMUM_CORRELATION_TIMES
 from liftdrag.analysis.quantity import Quantity, shortcomings
@@ -20,6 +20,9 @@ from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
 
+STRESSES = ("shear_stress", "pressure")
+"""What must be steady."""
+
 
 @dataclass(frozen=True)
 class ShearAnswers:
@@ -27,7 +30,7 @@ class ShearAnswers:
 
     `series` are the stresses and energies of each row, `structure` what each look at the grains
     says; `tensor` is the mean of each component of each part, and `comparison` what the paper's
-    curve gives.
+    curve gives, or kinetic theory for spheres.
     """
 
     quantities: dict[str, Quantity]
@@ -57,8 +60,8 @@ def answers(scene: ShearScene, sampled: Series, moments: Iterable[Snapshot]) -> 
     quantities = stresses(steady) | _energies(steady)
     quantities |= {name: _mean(looked, name) for name in looked.channels if name != "strain"}
     tensor = {name: _mean(_over(sampled, scene.stress_scale, window), name) for name in _names()}
-    beside = compared(scene.solid_fraction, quantities)
-    quantities |= {f"{name}_over_liu": one.ratio for name, one in beside.items()}
+    beside, source = _beside(scene, quantities)
+    quantities |= {f"{name}_over_{source}": one.ratio for name, one in beside.items()}
     return ShearAnswers(
         quantities,
         series,
@@ -66,8 +69,18 @@ def answers(scene: ShearScene, sampled: Series, moments: Iterable[Snapshot]) -> 
         window,
         tensor,
         beside,
-        tuple(_warnings(scene, quantities, window)),
+        tuple(_warnings(quantities, window)),
     )
+
+
+def _beside(scene: ShearScene, found: dict[str, Quantity]) -> tuple[dict[str, Compared], str]:
+    """What is known of cylinders, or of spheres, and by whom; nothing of both together."""
+    spheres = {one.is_sphere for one in scene.species}
+    if spheres == {False}:
+        return compared(scene.solid_fraction, found), "liu"
+    if spheres == {True}:
+        return beside_theory(scene.solid_fraction, scene.grains.restitution, found), "theory"
+    return {}, ""
 
 
 def early_answers(scene: ShearScene, sampled: Series) -> dict[str, Quantity]:
@@ -107,7 +120,7 @@ def normalised(scene: ShearScene, sampled: Series) -> Series:
 def stresses(steady: Series) -> dict[str, Quantity]:
     """Shear stress, pressure and their ratio, of the steady rows."""
     shear, pressure = steady["shear_stress"], steady["pressure"]
-    found = {name: _mean(steady, name) for name in COMPARED}
+    found = {name: _mean(steady, name) for name in STRESSES}
     friction = ratio_of_means(shear, pressure, steady.interval)
     if friction is None:
         raise InputError("No grain touches another; shear the cell further, or fill it more.")
@@ -147,21 +160,22 @@ def _window(scene: ShearScene, series: Series) -> SteadyWindow:
             "begins; run the case again."
         )
     try:
-        return common_window([steady_window(series[name], start) for name in COMPARED])
+        return common_window([steady_window(series[name], start) for name in STRESSES])
     except SeriesTooShort:
         return SteadyWindow(start, len(series), float("nan"), False)
 
 
-def _warnings(scene: ShearScene, found: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]:
-    yield from shortcomings({name: found[name] for name in COMPARED}, window)
-    slow = [name for name in ("order_parameter", "stack_size") if not found[name].converged]
+def _warnings(found: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]:
+    yield from shortcomings({name: found[name] for name in STRESSES}, window)
+    axes = [name for name in ("order_parameter", "stack_size") if name in found]
+    slow = [name for name in axes if not found[name].converged]
     if slow:
         yield (
             f"The grains turn slowly: few correlation times, under {MINIMUM_CORRELATION_TIMES}, of "
             f"{' and '.join(slow)}, of which the error is a guess."
         )
-    order = found["order_parameter"].mean
-    if order < liu.ALIGNED and liu.curve("pressure", scene.solid_fraction) is not None:
+    order = found["order_parameter"].mean if "pressure_over_liu" in found else liu.ALIGNED
+    if order < liu.ALIGNED:
         yield (
             f"The order parameter, {order:.2f}, is below {liu.ALIGNED}, where the paper's own "
             "flows scatter about its curve."

@@ -16,8 +16,8 @@ from liftdrag.snapshot import Snapshot
 def structure_series(scene: ShearScene, moments: Iterable[Snapshot]) -> Series:
     """Order parameter, stack size and stacking fraction at each moment.
 
-    Of all grains, the order parameter being the mean of those of the species by their numbers,
-    and of each species by number, where there are several.
+    Of all grains that have an axis, the order parameter being the mean of those of the species by
+    their numbers, and of each of these by number, where there are several.
     """
     rows = [(moment.time, _looked_at(scene, moment)) for moment in moments]
     names = list(rows[0][1]) if rows else []
@@ -34,27 +34,35 @@ def cell_at(scene: ShearScene, time: float) -> SlidingCell:
 def _looked_at(scene: ShearScene, moment: Snapshot) -> dict[str, float]:
     assert moment.axis is not None
     cell = cell_at(scene, moment.time)
-    orders, found = list[float](), list[Stacks]()
+    orders, found = dict[int, float](), dict[int, Stacks]()
     for number, species in enumerate(scene.species, start=1):
+        if species.is_sphere:
+            continue
         own = moment.kind == number
         axes = moment.axis[own]
         diameter, length = species.sides(scene.grains.diameter)
         reach = REACH["rod"] * diameter if species.is_rod else REACH["disk"] * length
-        orders.append(order_parameter(axes))
-        found.append(stacks(moment.position[own], axes, cell, reach))
+        orders[number] = order_parameter(axes)
+        found[number] = stacks(moment.position[own], axes, cell, reach)
     row = {"strain": scene.drive.shear_rate * moment.time} | _of_all(scene, orders, found)
-    if len(orders) > 1:
-        for number, (order, made) in enumerate(zip(orders, found, strict=True), start=1):
-            row[f"order_parameter_{number}"] = order
+    if len(scene.species) > 1:
+        for number, made in found.items():
+            row[f"order_parameter_{number}"] = orders[number]
             row[f"stack_size_{number}"] = made.mean_size
             row[f"stacking_fraction_{number}"] = made.fraction
     return row
 
 
-def _of_all(scene: ShearScene, orders: list[float], found: list[Stacks]) -> dict[str, float]:
-    whole = Stacks(np.concatenate([made.sizes for made in found]), scene.grain_count)
+def _of_all(
+    scene: ShearScene, orders: dict[int, float], found: dict[int, Stacks]
+) -> dict[str, float]:
+    if not orders:
+        return {}
+    counts = [scene.counts[number - 1] for number in orders]
+    sizes = np.concatenate([made.sizes for made in found.values()])
+    whole = Stacks(sizes, sum(counts))
     return {
-        "order_parameter": float(np.average(orders, weights=scene.counts)),
+        "order_parameter": float(np.average(list(orders.values()), weights=counts)),
         "stack_size": whole.mean_size,
         "stacking_fraction": whole.fraction,
     }

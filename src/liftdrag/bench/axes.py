@@ -23,6 +23,9 @@ SHORTER, LONGER = 0.25, (0.5, 2.0, 3.0)
 LAWS = ("granular", "hertz/history")
 """The two ways of LAMMPS to say the same contact."""
 
+GRAINS, STRAINS = (0.5, 2.0), (0.5, 2.0)
+"""Grains of a sheared cell, and its strain, over the case's own."""
+
 SIDES = {"length": (0.6, 1.5), "thickness": (0.6, 1.6, 2.5), "height": (0.75, 1.5)}
 
 
@@ -53,17 +56,14 @@ class Axis:
 
 
 def axes_of(case: Case, engine: str) -> tuple[Axis, ...]:
-    """The axes of a case on the engine of this name. Raises InputError where it has none."""
+    """The axes of a case on the engine of this name."""
     scene = case.scene
     if isinstance(scene, TankScene):
         return tuple(_tank(scene, engine))
     if isinstance(scene, JanssenScene):
         return tuple(_janssen(scene))
     if isinstance(scene, ShearScene):
-        raise InputError(
-            "A shear flow has no bench; sweep a study that changes numerics.time_step and "
-            "numerics.stiffness_factor."
-        )
+        return tuple(_shear(scene))
     return tuple(_drag2d(scene))
 
 
@@ -115,6 +115,15 @@ def _drag2d(scene: Drag2DScene) -> Iterator[Axis]:
     yield _stiffness("grains.youngs_modulus", scene.grains.youngs_modulus)
     yield _speed(scene.drive.speed)
     yield _width(scene)
+
+
+def _shear(scene: ShearScene) -> Iterator[Axis]:
+    yield _time_step(derive(scene).time_step.value)
+    yield _stiffness("numerics.stiffness_factor", scene.numerics.stiffness_factor)
+    yield _size(scene)
+    key, strain = "drive.strain", scene.drive.strain
+    yield Axis("averaging", key, strain, _scaled(key, strain, STRAINS), "most")
+    yield _ranks()
 
 
 def _step(name: str, value: float) -> Setting:
@@ -169,6 +178,21 @@ def _width(scene: Drag2DScene) -> Axis:
     width = float(f"{share * own:.6g}")
     wider = Setting(f"x{share:g}", width, {"box.width": width, "grains.count": count})
     return Axis("width", "box.width", own, (wider,), "most")
+
+
+def _size(scene: ShearScene) -> Axis:
+    """A cell of as many grains, or one whose given sides are longer alike."""
+    count, cell = scene.cell.count, scene.cell
+    if count is not None:
+        counts = {f"x{share:g}": round(share * count) for share in GRAINS}
+        settings = [Setting(name, n, {"cell.count": n}) for name, n in counts.items()]
+        return Axis("size", "cell.count", count, tuple(settings), "most")
+    sides = {f"cell.{name}": getattr(cell, name) for name in ("length", "height", "width")}
+    settings = []
+    for share in GRAINS:
+        longer = {key: float(f"{side * share ** (1 / 3):.6g}") for key, side in sides.items()}
+        settings.append(Setting(f"x{share:g}", longer["cell.length"], longer))
+    return Axis("size", "cell.length", sides["cell.length"], tuple(settings), "most")
 
 
 def _ranks() -> Axis:

@@ -21,7 +21,7 @@ from liftdrag.analysis.quantity import Quantity
 from liftdrag.bench.axes import Axis
 from liftdrag.bench.points import REFERENCE
 from liftdrag.bench.runs import Run
-from liftdrag.scene import JanssenScene, Scene, TankScene
+from liftdrag.scene import JanssenScene, Scene, ShearScene, TankScene
 
 Key = tuple[str, str]
 """Axis and name of a point."""
@@ -35,7 +35,7 @@ FEWEST_PAIRS = 4
 """Packings that began alike from which their differences give an error."""
 
 FORCE, LIFT = 0.05, 0.2
-"""Relative errors that a bench tolerates, of a force and of a lift."""
+"""Relative errors that a bench tolerates, of a force or a stress and of a lift."""
 
 
 def tolerances(scene: Scene) -> dict[str, float]:
@@ -45,6 +45,8 @@ def tolerances(scene: Scene) -> dict[str, float]:
     if isinstance(scene, JanssenScene):
         curve = {"saturation_mass": FORCE} if len(scene.counts) > 1 else {}
         return {"apparent_mass": FORCE} | curve
+    if isinstance(scene, ShearScene):
+        return {"shear_stress": FORCE, "pressure": FORCE}
     return {"drag": FORCE}
 
 

@@ -35,8 +35,9 @@ FIELDS = 320.0
 HEIGHT = 12.0
 """Bytes of a grain of the surface."""
 
-LYING = 24.0
-"""Bytes of a cylinder's place and axis at one time."""
+LYING = 144.0
+"""Bytes of a cylinder's place, velocity and axis at one time: 36, and as many in each of two states
+kept and in the one that is being written."""
 
 ROW = 260.0
 """Bytes of a row of the series, in the engine's files and in liftdrag's."""

@@ -55,7 +55,9 @@ def contacts_of(scene: Scene) -> str:
     if isinstance(scene, JanssenScene):
         return scene.grains.contact
     if isinstance(scene, ShearScene):
-        ratios = " ".join(f"{one.aspect_ratio:g}" for one in scene.species)
-        return f"cylinder {ratios} at {scene.cell.solid_fraction:g}"
+        shapes = " ".join(
+            f"{one.aspect_ratio:g}" if one.aspect_ratio else one.shape for one in scene.species
+        )
+        return f"cylinder {shapes} at {scene.cell.solid_fraction:g}"
     ratio = f" {scene.grains.aspect_ratio:g}" if scene.grains.aspect_ratio else ""
     return f"{scene.grains.shape}{ratio} at {scene.box.solid_fraction:g}"

@@ -119,6 +119,8 @@ def _check(species: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
         shape = (len(species), 3)[: values.ndim]
         if values.dtype.kind != "f" or values.shape != shape or not np.isfinite(values).all():
             raise ValueError(f"{name} is not finite numbers for {len(species)} grains")
-    for name in ("radius", "half_length", "mass"):
+    for name in ("radius", "mass"):
         if not (arrays[name] > 0.0).all():
             raise ValueError(f"{name} is not positive")
+    if not (arrays["half_length"] >= 0.0).all():
+        raise ValueError("half_length is negative")

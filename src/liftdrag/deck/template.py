@@ -11,14 +11,15 @@ import jinja2
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def environment(escaped: bool) -> jinja2.Environment:
+    """The packaged templates; what fills them in is escaped for HTML, or not."""
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(template),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=False,
+        autoescape=escaped,
     )
 
 
@@ -29,4 +30,4 @@ def template(name: str) -> str:
 
 def render(name: str, context: Mapping[str, Any]) -> str:
     """A template filled in; a name that the context lacks raises jinja2.UndefinedError."""
-    return _environment().get_template(name).render(context)
+    return environment(escaped=False).get_template(name).render(context)

@@ -1,4 +1,4 @@
-"""The state of a column of the in-house engine, kept now and then, so that a run can go on.
+"""The state of a run of the in-house engine, kept now and then, so that the run can go on.
 
 Two files by turns, each written whole or not at all. A run that goes on from one gives the bits of
 a run that was never cut short.
@@ -10,15 +10,14 @@ import contextlib
 import hashlib
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from liftdrag.arrays import read_arrays
-from liftdrag.deck.janssen import GRAINS, START
 
-FILES = ("filling-a.npz", "filling-b.npz")
+FILES = ("state-a.npz", "state-b.npz")
 
 EVERY_S = 60.0
 """Seconds between two files, where these are written fast."""
@@ -28,12 +27,28 @@ SHARE = 0.01
 
 
 class Keeper:
-    """Keeps the states of a run in `folder`."""
+    """Keeps the states of a run in `folder`, whose deck are the files of these names."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, deck: Sequence[str]):
         self._folder, self._turn = folder, 0
-        self._deck = deck_digest(folder)
+        self._deck = digest([folder / name for name in deck])
         self._next = time.monotonic() + EVERY_S
+
+    def latest(self) -> dict[str, np.ndarray] | None:
+        """The later state that is whole and of the deck, None without one; the next spares it."""
+        states = {name: self._read(name) for name in FILES}
+        whole = {name: int(state["done"]) for name, state in states.items() if state is not None}
+        if not whole:
+            return None
+        last = max(whole, key=lambda name: whole[name])
+        self._turn = 1 - FILES.index(last)
+        return states[last]
+
+    def damaged(self) -> list[str]:
+        """The files that are there and hold no state of the deck."""
+        return [
+            name for name in FILES if (self._folder / name).exists() and self._read(name) is None
+        ]
 
     def is_due(self) -> bool:
         """Whether it is time for a state to be kept."""
@@ -55,28 +70,22 @@ class Keeper:
 
     def clear(self) -> None:
         """Remove what was kept: the run has ended well."""
-        for name in FILES:
-            (self._folder / name).unlink(missing_ok=True)
+        for file in (self._folder / name for name in FILES):
+            file.unlink(missing_ok=True)
+            file.with_suffix(".part").unlink(missing_ok=True)
+
+    def _read(self, name: str) -> dict[str, np.ndarray] | None:
+        with contextlib.suppress(OSError, ValueError, LookupError):
+            state = read_arrays(self._folder / name)
+            if str(state["deck"]) == self._deck:
+                return state
+        return None
 
 
-def latest(folder: Path) -> dict[str, np.ndarray] | None:
-    """The later state that is whole and of the deck in the folder; None without one."""
-    states = [_read(folder / name, deck_digest(folder)) for name in FILES]
-    return max((one for one in states if one), key=lambda one: int(one["done"]), default=None)
-
-
-def _read(file: Path, deck: str) -> dict[str, np.ndarray] | None:
-    with contextlib.suppress(OSError, ValueError, LookupError):
-        state = read_arrays(file)
-        if str(state["deck"]) == deck:
-            return state
-    return None
-
-
-def deck_digest(folder: Path) -> str:
-    """SHA-256 of the deck of a column, none where there is none."""
+def digest(files: Sequence[Path]) -> str:
+    """SHA-256 of the files of a deck, none where one is missing."""
     try:
-        content = (folder / START).read_bytes() + (folder / GRAINS).read_bytes()
+        content = b"".join(file.read_bytes() for file in files)
     except OSError:
         return ""
     return hashlib.sha256(content).hexdigest()

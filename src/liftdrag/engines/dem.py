@@ -122,7 +122,7 @@ class InHouse:
             grains=deck.grains,
             loop_s=loop_s,
             cpu_s=cpu_s,
-            stopped_by=_stopped_by(plan, folder, ran.steps),
+            stopped_by=_stopped_by(plan, folder, ran.before + ran.steps),
             before=ran.before,
         )
 

@@ -28,7 +28,7 @@ from liftdrag.dem import (
     walton_braun,
 )
 from liftdrag.engines.base import Enough, Progress
-from liftdrag.engines.checkpoint import Keeper, latest
+from liftdrag.engines.checkpoint import Keeper
 from liftdrag.engines.fills import Fill, write_fills
 from liftdrag.engines.samples import MOST_BYTES, Ran, write_samples
 from liftdrag.errors import InputError
@@ -36,6 +36,9 @@ from liftdrag.files import read_bytes
 from liftdrag.profile import SLIDING, Profile
 from liftdrag.scene.model import Part
 from liftdrag.series import Series
+
+DECK = (START, GRAINS)
+"""The files of a deck."""
 
 PROFILES = "profiles.npz"
 _SUMS = (
@@ -174,8 +177,8 @@ def run(deck: ColumnDeck, folder: Path, progress: Progress, enough: Enough | Non
 
     The average of a fill ends early where its series is `enough`.
     """
-    filling = _Filling(deck, progress, enough or (lambda _: False), Keeper(folder))
-    if (state := latest(folder)) is not None:
+    filling = _Filling(deck, progress, enough or (lambda _: False), Keeper(folder, DECK))
+    if (state := filling.keeper.latest()) is not None:
         filling.restore(state)
     begin = filling.done
     status = filling.run()

@@ -154,6 +154,9 @@ def _lever(scene: ShearScene) -> float:
     """1 + h^2 m / I at the most: how much more a contact at a distance h moves a grain there."""
     levers = []
     for species in scene.species:
+        if species.is_sphere:
+            levers.append(1.0)
+            continue
         diameter, length = species.sides(scene.grains.diameter)
         inertia = length**2 / 12.0 + diameter**2 / 16.0
         levers.append(1.0 + max(length, diameter) ** 2 / 4.0 / inertia)

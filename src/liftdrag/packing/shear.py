@@ -1,4 +1,4 @@
-"""The initial state of a shear flow: cylinders grown at random, which move with the mean flow."""
+"""The initial state of a shear flow: grains grown at random, which move with the mean flow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def grown_cell(scene: ShearScene, threads: int = 1) -> Cylinders:
 
     Raises CaseError when they cannot be packed.
     """
-    aspect = np.repeat([one.aspect_ratio for one in scene.species], scene.counts)
+    aspect = np.repeat([one.aspect_ratio or 0.0 for one in scene.species], scene.counts)
     radius, half_length = same_volume(aspect, scene.grains.diameter)
     size, mass = np.array(scene.sides), np.full(scene.grain_count, scene.mass)
     try:

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
-import jinja2
-
-from liftdrag.deck.template import template
+from liftdrag.deck.template import environment
 from liftdrag.page.shown import Shown
 from liftdrag.version import VERSION
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.FunctionLoader(template),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=True,
-    )
 
 
 def rendered(sections: Sequence[Shown]) -> str:
     """The page of these sections."""
     one = sections[0].title if len(sections) == 1 else f"{len(sections)} runs"
     return (
-        _environment()
+        environment(escaped=True)
         .get_template("report.html.j2")
         .render(
             sections=sections,

@@ -1,4 +1,4 @@
-"""A picture of rods and disks in their cell, as shaded bodies seen from afar.
+"""A picture of rods, disks and spheres in their cell, as shaded bodies seen from afar.
 
 Faces that look away are left out, the others are painted from the farthest to the nearest.
 """
@@ -96,7 +96,10 @@ def _bodies(scene: ShearScene, moment: Snapshot) -> list[Faces]:
     size = [one.sides(scene.grains.diameter) for one in scene.species]
     radius, half = (np.array(size)[moment.kind - 1] / 2.0).T
     colour = PALETTE[(moment.kind - 1) % len(PALETTE)]
-    return [*_sides(centre, axes, radius, half, colour), *_ends(centre, axes, radius, half, colour)]
+    round_ = np.array([one.is_sphere for one in scene.species])[moment.kind - 1]
+    long = ~round_
+    flat = centre[long], axes[long], radius[long], half[long], colour[long]
+    return [*_sides(*flat), *_ends(*flat), *_globes(centre[round_], radius[round_], colour[round_])]
 
 
 def _across(axes: np.ndarray) -> np.ndarray:
@@ -138,6 +141,23 @@ def _ends(
         Faces(np.moveaxis(rims + side * half[:, None] * axes, 0, 1), side * axes, colour)
         for side in (-1.0, 1.0)
     ]
+
+
+def _globes(centre: np.ndarray, radius: np.ndarray, colour: np.ndarray) -> list[Faces]:
+    """Faces between two meridians and two parallels at a time, of spheres."""
+    polar = np.linspace(0.0, np.pi, CORNERS // 2 + 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS + 1)
+    found = []
+    for k, m in product(range(len(polar) - 1), range(CORNERS)):
+        at = np.array([(k, m), (k + 1, m), (k + 1, m + 1), (k, m + 1)])
+        ring, turn = polar[at[:, 0]], angle[at[:, 1]]
+        unit = np.column_stack(
+            [np.sin(ring) * np.cos(turn), np.cos(ring), np.sin(ring) * np.sin(turn)]
+        )
+        normal = unit.mean(axis=0) / np.linalg.norm(unit.mean(axis=0))
+        corners = centre[:, None] + radius[:, None, None] * unit
+        found.append(Faces(corners, np.broadcast_to(normal, centre.shape), colour))
+    return found
 
 
 def _paint(

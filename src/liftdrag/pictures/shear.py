@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liftdrag import liu
-from liftdrag.analysis.compared import COMPARED
 from liftdrag.analysis.quantity import Quantity, rounded
-from liftdrag.analysis.shear import ShearAnswers
+from liftdrag.analysis.shear import STRESSES, ShearAnswers
 from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 
@@ -18,6 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {"shear_stress": "tab:red", "pressure": "tab:blue"}
+
+ORDER = "order_parameter"
+"""What spheres alone have none of."""
 
 BLOCK = 1.0
 """Strain over which a stress is averaged for a picture."""
@@ -29,6 +31,8 @@ ROOM = 1.5
 def named(scene: ShearScene, number: int) -> str:
     """What a species is called, by its number from 1."""
     species = scene.species[number - 1]
+    if species.is_sphere:
+        return "spheres"
     return f"{'rods' if species.is_rod else 'disks'} of ratio {species.aspect_ratio:g}"
 
 
@@ -45,18 +49,21 @@ def draw_flow(scene: ShearScene, found: ShearAnswers, path: Path) -> None:
     """Stresses over rho d_v^2 rate^2, and order and stacks, against strain (Figs. 6 to 10)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    panels = 2 if ORDER in found.structure.channels else 1
+    figure = Figure(figsize=(7.0, 3.0 * panels), layout="constrained")
+    column = list(figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0])
+    upper = column[0]
     for name, colour in COLOURS.items():
         _draw_stress(upper, found, name, colour)
     upper.set(ylabel=r"stress / $\rho\,d_v^2\,\dot\gamma^2$")
     upper.set_ylim(0.0, ROOM * _largest(scene, found))
     upper.set_title(_title(found.quantities), loc="left", fontsize="medium")
-    _draw_structure(lower, scene, found.structure)
-    for axes in (upper, lower):
+    if ORDER in found.structure.channels:
+        _draw_structure(column[1], scene, found.structure)
+    for axes in column:
         axes.axvspan(0.0, _start(found), color="0.93", linewidth=0, zorder=0)
         axes.legend(frameon=False, fontsize="small")
-    lower.set(xlabel="strain", xlim=(0.0, found.series["strain"][-1]))
+    column[-1].set(xlabel="strain", xlim=(0.0, found.series["strain"][-1]))
     figure.savefig(path, dpi=150)
 
 
@@ -99,7 +106,8 @@ def _text(quantity: Quantity) -> str:
 
 
 def _title(found: dict[str, Quantity]) -> str:
-    return f"friction {_text(found['bulk_friction'])}, order {_text(found['order_parameter'])}"
+    order = f", order {_text(found[ORDER])}" if ORDER in found else ""
+    return f"friction {_text(found['bulk_friction'])}{order}"
 
 
 def draw_order(scene: ShearScene, found: ShearAnswers, path: Path) -> None:
@@ -108,7 +116,7 @@ def draw_order(scene: ShearScene, found: ShearAnswers, path: Path) -> None:
 
     figure = Figure(figsize=(9.5, 4.4), layout="constrained")
     row = figure.subplots(1, 2)
-    for axes, name in zip(row, COMPARED, strict=True):
+    for axes, name in zip(row, STRESSES, strict=True):
         _draw_against_order(axes, scene, found, name)
         axes.set_title(f"{name.replace('_', ' ')} {_text(found.quantities[name])}", loc="left")
     figure.colorbar(row[0].collections[0], ax=row, label="strain")

@@ -23,7 +23,7 @@ MARKS = {
 }
 """Marker and colour by what became of a value; the colours are Okabe and Ito's."""
 
-LOGARITHMIC = ("time_step", "stiffness", "speed")
+LOGARITHMIC = ("time_step", "stiffness", "speed", "shear_rate")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple")
 OPEN = "open: not all replicas"
 """What the legend says of points that are not finished."""
 
+BESIDE = "the paper's curve"
+
 _OPEN: dict[str, Any] = {"marker": "o", "linestyle": "", "markerfacecolor": "white", "zorder": 3.0}
 
 
@@ -39,7 +41,8 @@ class Axes:
 class Line:
     """Quantities (n) at places (n,) along the x axis, and what they are called.
 
-    `errors` (n,) are those of the places; `whole` (n,) says which points lack no replica.
+    `errors` (n,) are those of the places; `whole` (n,) says which points lack no replica; `beside`
+    is a published curve, as places and values.
     """
 
     label: str
@@ -47,6 +50,7 @@ class Line:
     quantities: Sequence[Quantity]
     errors: Sequence[float]
     whole: Sequence[bool]
+    beside: Sequence[tuple[float, float]] = ()
 
     def ordered(self) -> Line:
         """The same from left to right."""
@@ -57,6 +61,7 @@ class Line:
             [self.quantities[k] for k in order],
             [self.errors[k] for k in order],
             [self.whole[k] for k in order],
+            self.beside,
         )
 
 
@@ -99,6 +104,8 @@ def draw_lines(title: str, lines: Sequence[Line], axes: Axes, path: Path) -> Non
         _draw_line(panel, line.ordered())
     if not all(all(line.whole) for line in lines):
         panel.plot([], [], color="0.3", label=OPEN, **_OPEN)
+    if any(line.beside for line in lines):
+        panel.plot([], [], color="0.3", label=BESIDE, linestyle="--")
     panel.set_xlabel(axes.x)
     if "x" in axes.logarithmic:
         panel.set_xscale("log")
@@ -116,9 +123,12 @@ def _draw_line(panel: Panel, line: Line) -> None:
         capsize=4.0,
         label=line.label or None,
     )
+    colour = drawn.lines[0].get_color()
+    if line.beside:
+        panel.plot(*zip(*line.beside, strict=True), color=colour, linestyle="--")
     for place, mean, whole in zip(line.places, means, line.whole, strict=True):
         if not whole:
-            panel.plot(place, mean, color=drawn.lines[0].get_color(), **_OPEN)
+            panel.plot(place, mean, color=colour, **_OPEN)
 
 
 def _panel() -> tuple[Figure, Panel]:
@@ -137,7 +147,7 @@ def _finish(figure: Figure, panel: Panel, title: str, axes: Axes, unit: str, pat
     elif panel.get_ylim()[0] > 0.0:
         panel.set_ylim(bottom=0.0)
     labels = panel.get_legend_handles_labels()[1]
-    if len(labels) > 1 or axes.levels or OPEN in labels:
+    if len(labels) > 1 or axes.levels or {OPEN, BESIDE} & set(labels):
         panel.legend(fontsize="small")
     panel.set_title(title, loc="left", fontsize="medium", parse_math=False)
     figure.savefig(path, dpi=150)

@@ -1,13 +1,13 @@
 """Shear flow of rods and disks in a sheared periodic cell (Liu et al., Energies 13 (2020) 1841).
 
-Frictionless cylinders with flat ends, all of one volume, of one or more aspect ratios. The cell is
-periodic along the flow, x, and along z; across, along y, its neighbours slide by (Lees-Edwards), so
-that the mean flow is v_x = rate (y - middle). Neither gravity nor walls.
+Frictionless cylinders with flat ends, of one or more aspect ratios, and spheres, all of one
+volume. The cell is periodic along the flow, x, and along z; across, along y, its neighbours slide
+by (Lees-Edwards), so that the mean flow is v_x = rate (y - middle). Neither gravity nor walls.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import floor, hypot
 from typing import Annotated, Literal
 
@@ -49,20 +49,33 @@ class Cylinders(Part):
 
 
 class Species(Part):
-    """Cylinders of one `aspect_ratio`, length over diameter, and their `share` of all grains."""
+    """Cylinders of one `aspect_ratio`, length over diameter, or spheres; their `share` of all."""
 
-    aspect_ratio: Annotated[float, Field(ge=0.05, le=20.0)]
+    shape: Literal["cylinder", "sphere"] = "cylinder"
+    aspect_ratio: Annotated[float, Field(ge=0.05, le=20.0)] | None = None
     share: Annotated[float, Field(gt=0.0, le=1.0)]
 
     @property
     def is_rod(self) -> bool:
         """Whether it is longer than wide."""
-        return self.aspect_ratio > 1.0
+        return self.aspect_ratio is not None and self.aspect_ratio > 1.0
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether it has no axis."""
+        return self.shape == "sphere"
 
     def sides(self, volume_diameter: float) -> tuple[float, float]:
-        """Diameter and length (m) of a cylinder of the volume of this sphere."""
+        """Diameter and length (m) of a grain of the volume of this sphere, whose are the same."""
+        if self.aspect_ratio is None:
+            return volume_diameter, volume_diameter
         diameter = volume_diameter * float((2.0 / (3.0 * self.aspect_ratio)) ** (1.0 / 3.0))
         return diameter, self.aspect_ratio * diameter
+
+    def span(self, volume_diameter: float) -> float:
+        """Diameter (m) of the sphere about the grain."""
+        diameter, length = self.sides(volume_diameter)
+        return diameter if self.is_sphere else hypot(diameter, length)
 
 
 class Cell(Part):
@@ -172,7 +185,7 @@ class ShearScene(Part):
     @property
     def longest(self) -> float:
         """Diameter (m) of the sphere about the longest grain."""
-        return max(hypot(*one.sides(self.grains.diameter)) for one in self.species)
+        return max(one.span(self.grains.diameter) for one in self.species)
 
     @property
     def stress_scale(self) -> float:
@@ -187,11 +200,23 @@ class ShearScene(Part):
     @model_validator(mode="after")
     def _check(self) -> ShearScene:
         self.targets  # noqa: B018 - a stop that cannot be is refused
+        _check_shapes(self.species)
         _check_sides(self.cell)
         _check_shares(self)
         _check_room(self)
         _check_window(self.drive)
         return self
+
+
+def _check_shapes(species: Sequence[Species]) -> None:
+    for number, one in enumerate(species):
+        key, ratio = f"species.{number}.aspect_ratio", one.aspect_ratio
+        if one.is_sphere and ratio is not None:
+            raise CaseError(key, ratio, "a sphere has none", "leave it out, or leave out shape")
+        if not one.is_sphere and ratio is None:
+            raise CaseError(
+                key, None, "a cylinder needs it", 'add length over diameter, or shape = "sphere"'
+            )
 
 
 def _check_sides(cell: Cell) -> None:
@@ -218,7 +243,10 @@ def _check_shares(scene: ShearScene) -> None:
     ratios = [one.aspect_ratio for one in scene.species]
     if len(set(ratios)) < len(ratios):
         raise CaseError(
-            "species", None, "two of them have one aspect_ratio", "make them one, with both shares"
+            "species",
+            None,
+            "two of them have one aspect_ratio, or are spheres",
+            "make them one, with both shares",
         )
 
 

@@ -22,6 +22,9 @@ RESTITUTIONS = (0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 FRICTIONS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
 SPEEDS = (0.1, 0.25, 4.0, 10.0)
 
+SCALED = ("stiffness", "speed", "shear_rate")
+"""Axes whose values are shown over the case's own."""
+
 SEEDS = "seeds"
 """The axis whose points are runs of the case itself."""
 
@@ -30,22 +33,21 @@ UNCHANGED = ("time_step", SEEDS)
 
 
 def axes_of(case: Case) -> tuple[Axis, ...]:
-    """The axes of a case. Raises InputError when it has no numerics, or no axes."""
+    """The axes of a case. Raises InputError when it has no numerics."""
     return tuple(_axes(case, bounds_of(case.scene)))
 
 
 def _axes(case: Case, bounds: Bounds) -> Iterator[Axis]:
     scene = case.scene
-    if isinstance(scene, ShearScene):
-        raise InputError(
-            "A shear flow has no stress map; sweep a study that changes numerics.time_step."
-        )
     steps = tuple(_steps(case, bounds))
     own = bounds.own * bounds.scale
     yield Axis("time_step", "numerics.time_step", own, steps, "least", f"of {bounds.name}")
     key, stiffness = _stiffness(scene)
     yield _scaled("stiffness", key, stiffness, STIFFNESSES)
     yield _given("restitution", scene.grains.restitution, RESTITUTIONS)
+    if isinstance(scene, ShearScene):
+        yield _scaled("shear_rate", "drive.shear_rate", scene.drive.shear_rate, SPEEDS)
+        return
     yield _given("friction", scene.grains.friction, FRICTIONS)
     if scene.drive.speed is not None:
         yield _scaled("speed", "drive.speed", scene.drive.speed, SPEEDS)
@@ -53,6 +55,8 @@ def _axes(case: Case, bounds: Bounds) -> Iterator[Axis]:
 
 def _stiffness(scene: Scene) -> tuple[str, float]:
     """The key of the stiffness, and its value."""
+    if isinstance(scene, ShearScene):
+        return "numerics.stiffness_factor", scene.numerics.stiffness_factor
     if not isinstance(scene, JanssenScene):
         return "grains.youngs_modulus", scene.grains.youngs_modulus
     key = "youngs_modulus" if scene.grains.contact == "hertz" else "stiffness"
@@ -93,4 +97,4 @@ def share_of(axis: Axis, at: float | str, case: Case) -> float:
     """A value in the unit in which the map shows it: of the scale, of the case's own, as it is."""
     if axis.name == "time_step":
         return float(at) / bounds_of(case.scene).scale
-    return float(at) / float(axis.own) if axis.name in ("stiffness", "speed") else float(at)
+    return float(at) / float(axis.own) if axis.name in SCALED else float(at)

@@ -43,6 +43,7 @@ _BY_INVARIANT = {
     "largest_overlap": "overlap",
     "agitation": "energy",
     "energy_created": "energy",
+    "momentum": "balance",
     "horizontal_balance": "balance",
     "vertical_balance": "balance",
     "weight_balance": "balance",

@@ -14,6 +14,9 @@ from liftdrag.scene.tank import TRANSIENT
 SHORTEST = 0.1
 """Least share of a column's way."""
 
+LEAST_STRAIN = 10.0
+"""Least strain of a shear flow, of which a share is averaged."""
+
 FEWEST = 4
 """Least packings of an ensemble, of which the differences give an error."""
 
@@ -38,6 +41,7 @@ def cut(case: Case, share: float) -> Case:
         return _shorter_column(case, scene, max(share, SHORTEST))
     if isinstance(scene, ShearScene):
         drive = scene.drive
+        share = max(share, min(LEAST_STRAIN / drive.strain, 1.0))
         case = case.set("drive.strain", share * drive.strain)
         return case.set("drive.average_from", share * drive.average_from)
     own = scene.ensemble.runs

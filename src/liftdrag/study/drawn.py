@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from liftdrag import liu
 from liftdrag.pictures.study import Axes, Line, draw_bars, draw_lines
 from liftdrag.study.carried import Answer
 from liftdrag.study.plan import Picture, Plan, is_quantity
@@ -35,7 +39,13 @@ def _groups(
             yield run, expanded(run, points)
     for names in picture.groups or []:
         found = [point for name in names for point in expanded(name, points)]
-        yield names[0] if len(names) == 1 else "", found
+        yield shared(names), found
+
+
+def shared(names: Sequence[str]) -> str:
+    """The parts between dashes that all names have."""
+    first, *others = (name.split("-") for name in names)
+    return "-".join(part for part in first if all(part in other for other in others))
 
 
 def _draw_bars(
@@ -59,7 +69,8 @@ def _draw_lines(
     lines = []
     for name, group in groups:
         for label, points in _lines(name, group, picture.against or ""):
-            lines.append(_line(picture, label, [results[point.name] for point in points]))
+            line = _line(picture, label, [results[point.name] for point in points])
+            lines.append(replace(line, beside=_curve(picture, points, line.places)))
     draw_lines(picture.title, lines, _axes(picture), folder / picture.file)
 
 
@@ -74,6 +85,20 @@ def _line(picture: Picture, label: str, answers: Sequence[Answer]) -> Line:
     )
 
 
+def _curve(
+    picture: Picture, points: Sequence[Point], places: Sequence[float]
+) -> Sequence[tuple[float, float]]:
+    """The paper's curve where these points of one solid fraction are; none where it has none."""
+    fractions = {point.number("cell.solid_fraction") for point in points} if picture.curve else ()
+    if len(fractions) != 1:
+        return ()
+    curve = liu.curve(picture.quantity, *fractions)
+    if curve is None or max(places) <= liu.ALIGNED:
+        return ()
+    order = np.linspace(max(min(places), liu.ALIGNED), max(places), 30)
+    return list(zip(order, curve(order), strict=True))
+
+
 def _lines(
     name: str, group: Sequence[Point], against: str
 ) -> Iterator[tuple[str, Sequence[Point]]]:
@@ -85,8 +110,10 @@ def _lines(
         yield name, group
         return
     found = dict[str, list[Point]]()
+    keys = {key for point in group for key in point.grid if key != against}
+    varied = {key for key in keys if len({str(point.grid.get(key)) for point in group}) > 1}
     for point in group:
-        others = [f"{key} = {value}" for key, value in point.grid.items() if key != against]
+        others = [f"{key} = {value}" for key, value in point.grid.items() if key in varied]
         found.setdefault(", ".join([*([name] if name else []), *others]), []).append(point)
     yield from found.items()
 

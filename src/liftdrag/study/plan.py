@@ -22,6 +22,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from liftdrag.case import parse, read_text
 from liftdrag.errors import CaseError, InputError, escaped, shown
 from liftdrag.files import is_file
+from liftdrag.liu import CURVES
 from liftdrag.refusals import refusal, written_as
 from liftdrag.scene.model import Part
 
@@ -187,6 +188,7 @@ class Picture(Part):
 
     With `against`, a key of the cases or another quantity, points at its values instead, over those
     of the key `over` if there is one, and a line for each run, or for each group that is named.
+    Against the order parameter of shear flows, `curve` adds the paper's own at each solid fraction.
     """
 
     file: Annotated[str, written_as(r"[A-Za-z0-9_-]+\.png", 'as "lift.png"')]
@@ -197,6 +199,18 @@ class Picture(Part):
     quantity: QuantityName = "drag"
     logarithmic: list[Literal["x", "y"]] = Field(default_factory=list)
     reference: list[Reference] = Field(default_factory=list)
+    curve: Literal["liu2020"] | None = None
+
+    @model_validator(mode="after")
+    def _check_curve(self) -> Picture:
+        if self.curve and (self.against != "order_parameter" or self.quantity not in CURVES):
+            raise CaseError(
+                "pictures.curve",
+                self.curve,
+                f"the paper has no curve of {self.quantity} against {self.against}",
+                f'set against = "order_parameter" and quantity to one of {", ".join(CURVES)}',
+            )
+        return self
 
 
 _Name = Annotated[str, written_as(r"[A-Za-z0-9_][A-Za-z0-9_.,+-]{0,63}", 'as "long" or "group_1"')]

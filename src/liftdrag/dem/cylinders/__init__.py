@@ -1,8 +1,8 @@
-"""Flat-ended cylinders in space, rods and disks, without friction, in a box that may be sheared.
+"""Flat-ended cylinders in space, and spheres, without friction, in a box that may be sheared.
 
-`meeting` finds where two touch, `edges` where edges do; `forces` loops over the pairs,
-`neighbours` lists them, `images` knows the box, `motion` moves, and `advance` is the loop over
-the steps. What a user holds are `Cylinders` in a `Cell`, `grown` there,
+`meeting` finds where two cylinders touch, `edges` where edges do, `rounded` where a sphere does;
+`forces` loops over the pairs, `neighbours` lists them, `images` knows the box, `motion` moves, and
+`advance` is the loop over the steps. What a user holds are `Cylinders` in a `Cell`, `grown` there,
 `shear` and its samples, and the contacts that `touching` finds.
 """
 

@@ -24,13 +24,14 @@ class Sample:
 
     `kinetic` and `contact` (3, 3): the two parts of the stress tensor (Pa), positive in
     compression, from the velocities less those of the shear, and from force times way from
-    centre to centre (its first index is that of the force). `counts` (7,): contacts by type, in
+    centre to centre (its first index is that of the force). `counts` (11,): contacts by type, in
     the order of KINDS; `jumps`: contacts whose normal turned by more than 11 degrees in a step,
     but for steps in which lists are made. `translational`, `rotational`, `elastic` (J): energies
     at the moment, the first of the velocities less those of the shear. `overlap`: the largest on
     the way, over the smallest radius or half length of the two. `status`: FINE, TOO_DEEP or
     NOT_FINITE, after which no more come. `lists`: how often the neighbours were listed. Grains
-    may have left the box since, by a way less than its size.
+    may have left the box since, by a way less than its size. `angular_momentum` (n, 3) about the
+    centres (kg m^2/s) is that of the grains before it was rounded into their spin.
     """
 
     grains: Cylinders
@@ -46,6 +47,7 @@ class Sample:
     overlap: float
     status: int
     lists: int
+    angular_momentum: np.ndarray
 
     @property
     def strain(self) -> float:
@@ -69,26 +71,31 @@ def shear(
     skin: float | None = None,
     threads: int = 1,
     deepest: float = DEEPEST_OVERLAP,
+    angular_momentum: np.ndarray | None = None,
+    time: float = 0.0,
 ) -> Iterator[Sample]:
     """Samples of the flow, one after every `every` steps of `time_step` (s), without end.
 
     Hertz's force with the radii of the two cylinders, whatever touches, and without friction:
-    that of the law is not used. A sample is a state to go on from. `skin` (m) of the neighbour
-    lists, two fifths of the mean smaller extent by default. Two threads or more all give the same
-    bits. Raises ValueError for numbers that make no sense, and where the box is not longer than
-    the longest grain.
+    that of the law is not used. A sample is a state to go on from: to the same bits from its
+    grains and cell with its `angular_momentum`, by default that of the grains, and its `time` (s).
+    `skin` (m) of the neighbour lists, two fifths of the mean smaller extent by default. Two threads
+    or more all give the same bits. Raises ValueError for numbers that make no sense, and where the
+    box is not longer than the longest grain.
     """
     skin = default_skin(grains) if skin is None else skin
     check(grains, cell, time_step, every, skin, threads)
     run = advance_on(threads)
     place, move, ease = arrays(grains)
+    if angular_momentum is not None:
+        move[:, 3:6] = angular_momentum
     size, rate = np.ascontiguousarray(cell.size, float), cell.shear_rate
-    time, status = 0.0, FINE
+    status = FINE
     while status == FINE:
         found = run(place, move, ease, size, rate, cell.shift, law, time_step, every, skin, deepest)
         shift, status, done = found[3], found[5], found[6]
         cell, time = replace(cell, shift=shift), time + done * time_step
-        yield sample(grains_of(place, move, grains), cell, time, found)
+        yield sample(grains_of(place, move, grains), cell, time, found, move[:, 3:6].copy())
 
 
 def advance_on(threads: int) -> Any:
@@ -100,7 +107,9 @@ def advance_on(threads: int) -> Any:
     return advance_together
 
 
-def sample(grains: Cylinders, cell: Cell, time: float, found: Any) -> Sample:
+def sample(
+    grains: Cylinders, cell: Cell, time: float, found: Any, angular_momentum: np.ndarray
+) -> Sample:
     """The sample of what the loop has found."""
     tallies, last, kinetic, _, lists, status, done = found
     share = 1.0 / max(done, 1)
@@ -118,18 +127,21 @@ def sample(grains: Cylinders, cell: Cell, time: float, found: Any) -> Sample:
         overlap=float(tallies[DEEPEST]),
         status=int(status),
         lists=int(lists),
+        angular_momentum=angular_momentum,
     )
 
 
 def default_skin(grains: Cylinders) -> float:
     """Two fifths of the mean of each grain's smaller of diameter and length (m)."""
-    return 0.8 * float(np.minimum(grains.radius, grains.half_length).mean())
+    return 0.8 * float(grains.extent.mean())
 
 
 def check(
     grains: Cylinders, cell: Cell, time_step: float, every: int, skin: float, threads: int
 ) -> None:
     """Raise ValueError for a run that makes no sense."""
+    if grains.axis[grains.is_sphere].any():
+        raise ValueError("a sphere has no axis: make it zero")
     if not (time_step > 0.0 and every >= 1 and skin > 0.0 and threads >= 1):
         raise ValueError(
             f"no run of {every} steps of {time_step} s with a skin of {skin} m on {threads} threads"

@@ -7,6 +7,7 @@ from math import sqrt
 from liftdrag.dem.compiled import compiled
 from liftdrag.dem.cylinders.kinds import APART, KINDS
 from liftdrag.dem.cylinders.meeting import meeting
+from liftdrag.dem.cylinders.rounded import rounded
 from liftdrag.dem.law import spring_force
 
 ELASTIC, STRESS, DEEPEST, COUNTS, JUMPS, TALLIES = 0, 1, 10, 11, 11 + len(KINDS), 12 + len(KINDS)
@@ -29,7 +30,9 @@ def overlap_along(place, i, j, dx, dy, dz, nx, ny, nz):
 
 @compiled(inline=True)
 def contact_of(place, i, j, dx, dy, dz):
-    """The contact of cylinders i and j, d apart, as `meeting` has it."""
+    """The contact of grains i and j, d apart, as `meeting` has it."""
+    if place[i, 7] == 0.0 or place[j, 7] == 0.0:
+        return rounded(place, i, j, dx, dy, dz)
     return meeting(
         place[i, 6],
         place[i, 7],
@@ -91,9 +94,15 @@ def add_stress(tally, fx, fy, fz, dx, dy, dz):
 
 
 @compiled(inline=True)
+def extent(place, i):
+    """The smaller of radius and half length of a cylinder, the radius of a sphere."""
+    return place[i, 6] if place[i, 7] == 0.0 else min(place[i, 6], place[i, 7])
+
+
+@compiled(inline=True)
 def least_extent(place, i, j):
-    """The smallest radius or half length of two cylinders."""
-    return min(min(place[i, 6], place[i, 7]), min(place[j, 6], place[j, 7]))
+    """The smaller extent of two grains."""
+    return min(extent(place, i), extent(place, j))
 
 
 @compiled()

@@ -52,6 +52,7 @@ def grown(
 ) -> Cylinders:
     """Cylinders of these radii, half lengths (m) and masses (kg) at rest in a box, none touching.
 
+    Spheres where the half length is 0.
     `size` (3,) of the box in m; each argument is (n,) else. Raises ValueError where they do not
     fit.
     """
@@ -103,6 +104,7 @@ def sown(
     n = len(radius)
     axis = rng.normal(size=(n, 3))
     axis /= np.linalg.norm(axis, axis=1)[:, None]
+    axis[half_length == 0.0] = 0.0
     position = rng.uniform(size=(n, 3)) * size
     velocity, spin = rng.normal(size=(n, 3)), np.zeros((n, 3))
     return warmed(Cylinders(position, velocity, axis, spin, radius, half_length, np.ones(n)))
@@ -117,7 +119,7 @@ def warmed(grains: Cylinders) -> Cylinders:
 
 def stage(grains: Cylinders, cell: Cell, restitution: float, threads: int) -> Sample:
     """The grains a few steps later, so soft that those of unit speed overlap by GIVE."""
-    extent = float(np.minimum(grains.radius, grains.half_length).min())
+    extent = float(grains.extent.min())
     give = GIVE * extent
     law = soft(give, float(grains.radius.mean()), restitution)
     run = shear(

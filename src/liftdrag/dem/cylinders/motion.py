@@ -50,7 +50,9 @@ def set_spin(place, move, ease, i):
 
 @compiled(inline=True)
 def turn(place, move, angle, i):
-    """Turn the axis of grain i about its angular momentum, by this times that (rad)."""
+    """Turn the axis of grain i, if it has one, about its angular momentum, by this times that."""
+    if place[i, 7] == 0.0:
+        return
     place[i, 3], place[i, 4], place[i, 5] = turned(
         place[i, 3],
         place[i, 4],

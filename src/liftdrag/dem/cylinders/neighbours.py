@@ -77,6 +77,8 @@ def nearest_direction(place, i, j, dx, dy, dz, skin):
             k = i if trial == 1 else j
             nx, ny, nz = place[k, 3], place[k, 4], place[k, 5]
         along, size = nx * dx + ny * dy + nz * dz, sqrt(nx * nx + ny * ny + nz * nz)
+        if size == 0.0:
+            continue
         scale = 1.0 / size if along >= 0.0 else -1.0 / size
         nx, ny, nz = nx * scale, ny * scale, nz * scale
         overlap = overlap_along(place, i, j, dx, dy, dz, nx, ny, nz)

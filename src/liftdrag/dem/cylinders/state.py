@@ -29,7 +29,9 @@ class Cell:
 class Cylinders:
     """Flat-ended cylinders, SI units: rods where they are longer than wide, disks elsewhere.
 
-    `position`, `velocity`, `axis` (a unit vector) and `spin` (rad/s) are (n, 3); `radius`,
+    A sphere is one of no half length, whose axis is zero: it has none.
+
+    `position`, `velocity`, `axis` (a unit vector, or zero) and `spin` (rad/s) are (n, 3); `radius`,
     `half_length` and `mass` (n,). The angle about the axis is left out: nothing depends on it.
     """
 
@@ -44,14 +46,27 @@ class Cylinders:
     @property
     def volume(self) -> np.ndarray:
         """Volume of each (n,), m^3."""
-        return np.asarray(2.0 * np.pi * self.radius**2 * self.half_length)
+        reach = np.where(self.is_sphere, 2.0 / 3.0 * self.radius, self.half_length)
+        return np.asarray(2.0 * np.pi * self.radius**2 * reach)
+
+    @property
+    def is_sphere(self) -> np.ndarray:
+        """Which are spheres (n,)."""
+        return np.asarray(self.half_length == 0.0)
+
+    @property
+    def extent(self) -> np.ndarray:
+        """The smaller of radius and half length, a sphere's radius (n,), m."""
+        least = np.minimum(self.radius, self.half_length)
+        return np.where(self.is_sphere, self.radius, least)
 
     @property
     def inertia(self) -> np.ndarray:
         """Moments of inertia (n, 2) across and about the axis, kg m^2."""
         square = self.radius**2
         across = self.mass * (square / 4.0 + self.half_length**2 / 3.0)
-        return np.column_stack([across, 0.5 * self.mass * square])
+        both = np.column_stack([across, 0.5 * self.mass * square])
+        return np.where(self.is_sphere[:, None], 0.4 * (self.mass * square)[:, None], both)
 
     @property
     def angular_momentum(self) -> np.ndarray:
@@ -64,7 +79,9 @@ class Cylinders:
 def same_volume(aspect: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
     """Radii and half lengths (m) of cylinders as large as a sphere of a diameter (m).
 
-    `aspect` (n,) is length over diameter.
+    `aspect` (n,) is length over diameter, 0 of a sphere.
     """
-    radius = 0.5 * diameter * (2.0 / (3.0 * aspect)) ** (1.0 / 3.0)
+    radius = (
+        0.5 * diameter * (2.0 / (3.0 * np.where(aspect > 0.0, aspect, 2.0 / 3.0))) ** (1.0 / 3.0)
+    )
     return radius, radius * aspect
