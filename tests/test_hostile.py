@@ -343,6 +343,18 @@ WORDS = [
         "pictures.0.file = 'x.pdf'",
         'write it as "lift.png"',
     ),
+    (
+        'larger = "a"',
+        'larger = "aa"',
+        "claims = 'aa': no run or point has this name",
+        "choose one of a.",
+    ),
+    (
+        "[[claims]]",
+        '[[saturations]]\nsays = "x"\nrun = "b"\n[[claims]]',
+        "saturations.run = 'b': ",
+        "choose one of a.",
+    ),
     ("runs.a]", "runs.'a b']", "runs.a b = 'a b'", "letters, digits"),
     ('"quick"', '"quick"\n[runs.a.gird]\nseed = [1]', "runs.a.gird: ", "mean runs.a.grid."),
     ("[runs", "[run", "run: this key is unknown", "did you mean runs."),

@@ -287,7 +287,8 @@ def test_picture_has_errors_both_ways_and_open_markers(
     monkeypatch.setattr(pictures, "_finish", watched)
     plan, found = read(str(study)), points(study)
     states = {digest: drag(1.0, 0.1) for digest in distinct(found.values())}
-    states[tasks_of(found["plain-depth=4D"])[0].digest] = State("missing")
+    gone, done = tasks_of(found["plain-depth=4D"])
+    states |= {gone.digest: State("missing"), done.digest: drag(2.0, 0.1)}
     draw(tmp_path, plan, {name: answer(point, states) for name, point in found.items()})
     lines, bars = panels
     (drawn,) = lines.containers
@@ -298,7 +299,7 @@ def test_picture_has_errors_both_ways_and_open_markers(
     assert np.ptp(across[1], axis=0) == pytest.approx([2 * 0.1 / big, 0.0])
     open_ = [line for line in lines.lines if line.get_markerfacecolor() == "white"]
     assert [len(line.get_xdata()) for line in open_] == [1, 0]
-    assert open_[0].get_xdata() == pytest.approx([0.25 / big])
+    assert open_[0].get_xydata() == pytest.approx(np.array([[0.25 / big, 2.0]]))
     faces = [bar.get_facecolor()[3] for bar in bars.patches]
     assert faces == [1.0, 0.0, 0.0]
     for panel in panels:

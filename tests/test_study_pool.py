@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from conftest import TINY, program
 
 from liftdrag import engines
 from liftdrag.lock import held, is_held
-from liftdrag.study.child import _leave_jobs, carry_out
+from liftdrag.study.child import ENDING, _interrupt, _leave_jobs, carry_out
 from liftdrag.study.pool import SAYS, Pool, View, Watch, ended
 from liftdrag.study.state import END, state_of
 from liftdrag.study.swept import begin
@@ -30,7 +31,6 @@ from liftdrag.study.tasks import (
     folder_of,
     request,
 )
-from liftdrag.sweeping import table
 
 STUDY = """
 title = "Speeds"
@@ -55,9 +55,9 @@ def state(task: Task, study: Path) -> str:
     return state_of(task, study, folder_of(task, study)).status
 
 
-def wait_for(file: Path) -> None:
+def wait_for(happened: Callable[[], bool]) -> None:
     until = time.monotonic() + 120.0
-    while not file.exists():
+    while not happened():
         assert time.monotonic() < until
         time.sleep(0.05)
 
@@ -150,32 +150,38 @@ def test_request_that_was_changed_is_written_again(tmp_path: Path):
     assert file.read_text() == whole
 
 
-def test_interrupted_study_leaves_no_process(tmp_path: Path):
-    """Two long runs are cut short; the engines, which keep the locks while they live, are gone."""
+def test_second_signal_does_not_disturb_what_the_first_one_ends():
+    """Linux sends one for each thread of a parent that was killed."""
+    before = {number: signal.getsignal(number) for number in ENDING}
+    try:
+        signal.signal(signal.SIGTERM, _interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+        for number in ENDING:
+            os.kill(os.getpid(), number)
+        assert {signal.getsignal(number) for number in ENDING} == {signal.SIG_IGN}
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_study_that_is_ended_leaves_no_process(number: signal.Signals, tmp_path: Path):
+    """Two long runs are cut short; the engines, which keep the locks while they live, are gone.
+
+    Of a study that is killed, too, and so says nothing: its locks are free for the next.
+    """
     file, tasks = study_in(tmp_path, 400)
     out = tmp_path / "out"
     words = [sys.executable, "-m", "liftdrag", "sweep", str(file), "--out", str(out), "--jobs", "2"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as sweep:
         for task in tasks:
-            wait_for(folder_of(task, out) / "log.lammps")
+            wait_for((folder_of(task, out) / "log.lammps").exists)
         assert [state(task, out) for task in tasks] == ["running", "running"]
-        sweep.send_signal(signal.SIGINT)
+        sweep.send_signal(number)
         said = sweep.communicate(timeout=60)[0].decode()
-    assert sweep.returncode == 1
-    assert said.endswith("Interrupted.\n")
-    assert not any(is_held(claim(out, task.digest)) for task in tasks)
+    wait_for(lambda: not any(is_held(claim(out, task.digest)) for task in tasks))
+    killed = number == signal.SIGKILL
+    assert sweep.returncode == (-signal.SIGKILL if killed else 1)
+    assert killed or said.endswith("Interrupted.\n")
     assert [state(task, out) for task in tasks] == ["interrupted", "interrupted"]
-
-
-def test_live_table_has_a_row_for_each_run_that_goes_on(tmp_path: Path):
-    from rich.console import Console
-
-    from liftdrag.study.pool import Row
-
-    with (tmp_path / "said").open("w") as file:
-        shown = table(View([Row("a", "drive", 0.25, 90.0), Row("b", "starting", None, None)], 3, 7))
-        Console(file=file, width=80).print(shown)
-    said = (tmp_path / "said").read_text()
-    assert "25 %" in said
-    assert "90 s" in said
-    assert "3 of 7 have ended" in said

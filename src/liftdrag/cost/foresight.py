@@ -33,22 +33,30 @@ def foresee(
     it is not installed.
     """
     kind, work = kind_of(scene, engine, ranks), work_of(scene, numerics)
-    known = factor(kind) or _calibrated(engine, kind, work)
-    slower, basis = known or (1.0, GUESS)
-    warnings = (*turns(kind), *memory.warned(kind, work))
-    stops = scene.stop is not None
-    found = Estimate(kind, work, _times(kind, work, slower, packed), basis, stops, warnings)
+    if not factor(kind):
+        _calibrate(engine, kind, work)
+    found = expected(scene, numerics, engine, ranks, packed)
     _log.info("%s", found)
-    for warning in warnings:
+    for warning in found.warnings:
         _log.warning("WARNING: %s", warning)
     return found
 
 
-def _calibrated(engine: Engine, kind: Kind, work: Work) -> tuple[float, str] | None:
-    """What a calibration says, where the run is long and the engine has one."""
-    if _times(kind, work, 1.0, packed=True).wall_s > LONG_S and calibrate(engine):
-        return factor(kind)
-    return None
+def expected(
+    scene: Scene, numerics: Numerics, engine: Engine, ranks: int, packed: bool = False
+) -> Estimate:
+    """The same from what is known already, and said to nobody."""
+    kind, work = kind_of(scene, engine, ranks), work_of(scene, numerics)
+    slower, basis = factor(kind) or (1.0, GUESS)
+    warnings = (*turns(kind), *memory.warned(kind, work))
+    times = _times(kind, work, slower, packed)
+    return Estimate(kind, work, times, basis, scene.stop is not None, warnings)
+
+
+def _calibrate(engine: Engine, kind: Kind, work: Work) -> None:
+    """Learn from a calibration, where the run is long and the engine has one."""
+    if _times(kind, work, 1.0, packed=True).wall_s > LONG_S:
+        calibrate(engine)
 
 
 def _times(kind: Kind, work: Work, slower: float, packed: bool) -> Times:

@@ -40,6 +40,8 @@ from liftdrag.study.tasks import (
 
 EVERY_S = 0.5
 
+ENDING = (signal.SIGTERM, signal.SIGHUP)
+
 
 def carry_out(study: Path, digest: str, ranks: int | None) -> int:
     """Run a task of the study in `study`, or go on with it; the exit status.
@@ -93,6 +95,7 @@ def _run(task: Task, study: Path, place: Path, ranks: int | None) -> None:
     folder = folder_of(task, study)
     if state_of(task, study, folder).finished:
         return
+    (place / PROGRESS).unlink(missing_ok=True)
     progress = _written(place)
     if _cut_short(folder):
         try:
@@ -149,6 +152,9 @@ def _listed(file: Path) -> str:
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
+    """The first signal ends the run; others, one for each thread of a parent, are not heard."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
@@ -169,7 +175,7 @@ def main() -> NoReturn:
     parser.add_argument("--list", type=Path)
     parser.add_argument("--ranks", type=int)
     asked = parser.parse_args()
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in ENDING:
         signal.signal(number, _interrupt)
     try:
         digest = asked.task or _listed(asked.list)

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from itertools import product
 from math import prod
 from typing import Any
@@ -80,14 +81,19 @@ def points_of(plan: Plan, scale: str | None, settings: Sequence[str]) -> dict[st
     return points
 
 
-def expanded(name: str, points: Mapping[str, Point]) -> list[Point]:
-    """The point of this name, or all those of the run. Raises CaseError when there is none."""
+def expanded(name: str, points: Mapping[str, Point], key: str = "runs") -> list[Point]:
+    """The point of this name, or all those of the run. Raises CaseError when there is none.
+
+    `key` is where the study names it.
+    """
     if name in points:
         return [points[name]]
     found = [point for point in points.values() if point.run == name]
     if not found:
-        some = ", ".join([*dict.fromkeys(point.run for point in points.values()), *points][:12])
-        raise CaseError("runs", name, "no run or point has this name", f"choose one of {some}")
+        known = list(dict.fromkeys([*(point.run for point in points.values()), *points]))
+        some = get_close_matches(name, known, n=1) or known[:12]
+        remedy = f"choose one of {', '.join(some)}"
+        raise CaseError(key, name, "no run or point has this name", remedy)
     return found
 
 
@@ -172,7 +178,7 @@ def _check_asked(plan: Plan, points: Mapping[str, Point]) -> None:
     """Raise InputError for a claim or picture of what a run will not have."""
     for claim in plan.claims:
         for name in (claim.larger, claim.smaller):
-            found = expanded(name, points)
+            found = expanded(name, points, "claims")
             if len(found) > 1:
                 raise InputError(
                     f"The claim {shown(claim.says)} names the run {name} of {len(found)} points; "
@@ -180,12 +186,12 @@ def _check_asked(plan: Plan, points: Mapping[str, Point]) -> None:
                 )
             _check_quantity(claim.quantity, found[0])
     for growth in plan.saturations:
-        for point in expanded(growth.run, points):
+        for point in expanded(growth.run, points, "saturations.run"):
             _check_quantity(growth.quantity, point)
             _check_places(point, growth.against, growth.over)
     for picture in plan.pictures:
         for name in (name for group in picture.groups or [] for name in group):
-            expanded(name, points)
+            expanded(name, points, "pictures.groups")
         for point in drawn(picture.groups, points):
             _check_quantity(picture.quantity, point)
             _check_places(point, picture.against, picture.over)

@@ -24,21 +24,35 @@ POLL_S = 0.1
 
 @dataclass(frozen=True)
 class Row:
-    """A task that goes on: its name, its stage, the share of that done, and the time (s) left."""
+    """A task that goes on: its name, its stage, the share of that done, and its time (s) left.
+
+    It has gone on for `went_s`; `task` is None where another process is at it.
+    """
 
     name: str
     stage: str
     share: float | None
     left_s: float | None
+    task: Task | None = None
+    went_s: float = 0.0
 
 
 @dataclass(frozen=True)
 class View:
-    """How far a pool is: the tasks that go on, those that `ended`, and how many there are."""
+    """How far a pool is: the tasks that go on, those that `ended`, and how many there are.
+
+    `waiting` ones are begun by `jobs` at a time on `ranks` each; those that `took` so many seconds
+    have finished here. `study` is the folder of all.
+    """
 
     rows: Sequence[Row]
     ended: int
     total: int
+    waiting: Sequence[Task] = ()
+    took: Sequence[tuple[Task, float]] = ()
+    jobs: int = 1
+    ranks: int = 1
+    study: Path = Path()
 
 
 @dataclass(frozen=True)
@@ -47,6 +61,20 @@ class Watch:
 
     look: Callable[[View], None] = lambda _view: None
     say: Callable[[str], None] = lambda _words: None
+
+
+@dataclass(frozen=True)
+class Going:
+    """A task that is carried out by a process, begun at a time (s) of the monotonic clock."""
+
+    task: Task
+    started: process.Started
+    began_s: float
+
+    @property
+    def went_s(self) -> float:
+        """For how long it has gone on."""
+        return time.monotonic() - self.began_s
 
 
 @dataclass
@@ -60,7 +88,8 @@ class Pool:
     total: int = 0
     waiting: deque[Task] = field(default_factory=deque)
     elsewhere: list[Task] = field(default_factory=list)
-    going: list[tuple[Task, process.Started]] = field(default_factory=list)
+    going: list[Going] = field(default_factory=list)
+    took: list[tuple[Task, float]] = field(default_factory=list)
     ended: dict[str, State] = field(default_factory=dict)
 
     def carry_out(self, tasks: Sequence[Task]) -> Mapping[str, State]:
@@ -90,28 +119,30 @@ class Pool:
                 continue
             command = child_command(self.study, task, self.ranks)
             started = process.start(command, place, mpi.outside(os.environ), SAYS)
-            self.going.append((task, started))
+            self.going.append(Going(task, started, time.monotonic()))
             self.watch.say(f"{task.name}: started")
 
     def _reap(self) -> None:
-        for task, started in list(self.going):
-            code = started.process.poll()
+        for one in list(self.going):
+            code = one.started.process.poll()
             if code is None:
                 continue
-            process.stop(started)
-            self.going.remove((task, started))
+            process.stop(one.started)
+            self.going.remove(one)
             if code == IN_USE:
-                self._leave(task)
+                self._leave(one.task)
             else:
-                self._end(task, code)
+                self._end(one, code)
 
     def _leave(self, task: Task) -> None:
         self.elsewhere.append(task)
         self.watch.say(f"{task.name}: another liftdrag is at it; waiting")
 
-    def _end(self, task: Task, code: int) -> None:
-        state = ended(task, self.study, code)
+    def _end(self, one: Going, code: int) -> None:
+        task, state = one.task, ended(one.task, self.study, code)
         self.ended[task.digest] = state
+        if state.finished:
+            self.took.append((task, one.went_s))
         self.watch.say(told(task, state, len(self.ended), self.total))
 
     def _look_elsewhere(self) -> None:
@@ -122,15 +153,24 @@ class Pool:
                 self.waiting.append(task)
 
     def _view(self) -> View:
-        rows = [_row(task, claim(self.study, task.digest)) for task, _ in self.going]
+        rows = [_row(one, claim(self.study, one.task.digest)) for one in self.going]
         away = [Row(task.name, "elsewhere", None, None) for task in self.elsewhere]
-        return View([*rows, *away], len(self.ended), self.total)
+        return View(
+            [*rows, *away],
+            len(self.ended),
+            self.total,
+            self.waiting,
+            self.took,
+            self.jobs,
+            self.ranks or 1,
+            self.study,
+        )
 
     def _stop(self) -> None:
-        for _, started in self.going:
-            started.process.terminate()
-        for _, started in self.going:
-            process.stop(started)
+        for one in self.going:
+            one.started.process.terminate()
+        for one in self.going:
+            process.stop(one.started)
 
 
 def ended(task: Task, study: Path, code: int) -> State:
@@ -155,14 +195,15 @@ def child_command(study: Path, task: Task, ranks: int | None) -> list[str]:
     return command if ranks is None else [*command, "--ranks", str(ranks)]
 
 
-def _row(task: Task, place: Path) -> Row:
+def _row(one: Going, place: Path) -> Row:
+    task, went_s = one.task, one.went_s
     with suppress(OSError, ValueError, LookupError, TypeError):
         said = json.loads((place / PROGRESS).read_text("utf-8"))
         done, total = said["done"], said["total"]
         share = done / total if total else None
         left = said["elapsed_s"] * (total - done) / done if done else None
-        return Row(task.name, str(said["stage"]), share, left)
-    return Row(task.name, "starting", None, None)
+        return Row(task.name, str(said["stage"]), share, left, task, went_s)
+    return Row(task.name, "starting", None, None, task, went_s)
 
 
 def _last_line(file: Path) -> str:
