@@ -15,7 +15,7 @@ from liftdrag.dem.cylinders import Cell, Cylinders, grown, same_volume, shear, s
 from liftdrag.kinetic import SteadyShear, steady_shear
 
 EVERY = 0.1
-"""Strain of a sample."""
+"""Strain of a row."""
 
 PER_CONTACT = 50
 """Time steps of a contact of two that meet at the speed of a grain."""
@@ -27,6 +27,7 @@ class Gas:
 
     `soft`: their effective diameter (Barker and Henderson, J. Chem. Phys. 47 (1967) 4714) is by
     that much less than one, the mean of 1 - exp(-U/T) over the overlap, U the contact's energy.
+    At no `rate`, the temperature is one.
     """
 
     fraction: float
@@ -34,6 +35,7 @@ class Gas:
     soft: float
     restitution: float = 0.9
     aspect: float = 0.0
+    rate: float = 1.0
 
     @property
     def theory(self) -> SteadyShear:
@@ -45,7 +47,7 @@ class Gas:
     @property
     def heat(self) -> float:
         """The temperature to expect."""
-        return 2.0 / 3.0 * self.theory.energy
+        return 2.0 / 3.0 * self.theory.energy if self.rate else 1.0
 
     @property
     def spring(self) -> float:
@@ -70,7 +72,7 @@ class Gas:
 
     @property
     def cell(self) -> Cell:
-        return Cell(np.full(3, (self.count * pi / 6.0 / self.fraction) ** (1.0 / 3.0)), 1.0)
+        return Cell(np.full(3, (self.count * pi / 6.0 / self.fraction) ** (1.0 / 3.0)), self.rate)
 
     def start(self, seed: int) -> Cylinders:
         """The grains at random, with the velocity of the shear and the heat to expect."""
@@ -80,11 +82,11 @@ class Gas:
         own = np.random.default_rng(seed).normal(size=(self.count, 3)) * np.sqrt(self.heat)
         return replace(grains, velocity=grains.velocity + own - own.mean(axis=0))
 
-    def rows(self, strain: float, seed: int = 1) -> np.ndarray:
-        """Kinetic and contact stress (n, 2, 3, 3) of unit density, a row every EVERY of strain."""
-        every = round(EVERY / self.time_step)
-        run = shear(self.start(seed), self.cell, self.law, self.time_step, every)
-        rows = islice(run, round(strain / EVERY))
+    def rows(self, strain: float, every: float = EVERY, seed: int = 1) -> np.ndarray:
+        """Kinetic and contact stress (n, 2, 3, 3) of unit density, a row for `every` strain."""
+        steps = round(every / self.time_step)
+        run = shear(self.start(seed), self.cell, self.law, self.time_step, steps)
+        rows = islice(run, round(strain / every))
         return np.array([[row.kinetic, row.contact] for row in rows]) * pi / 6.0
 
 

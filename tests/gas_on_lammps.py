@@ -38,16 +38,16 @@ run             {steps}
 """`erate` is over the height at the start; velocities change with the image (`remap v`)."""
 
 
-def rows(gas: Gas, strain: float, folder: Path, seed: int = 1) -> np.ndarray:
+def rows(gas: Gas, strain: float, folder: Path, every: float = EVERY, seed: int = 1) -> np.ndarray:
     """As `Gas.rows`, from the same grains at the same velocities."""
-    every = round(EVERY / gas.time_step)
+    steps = round(every / gas.time_step)
     (folder / "grains.data").write_text(_grains(gas, seed))
     deck = DECK.format(
         modulus=gas.modulus,
         restitution=gas.restitution,
         time_step=gas.time_step,
-        every=every,
-        steps=round(strain / EVERY) * every,
+        every=steps,
+        steps=round(strain / every) * steps,
     )
     (folder / "in.gas").write_text(deck)
     child = [sys.executable, "-m", "liftdrag.engines.lammps_child", str(folder), "in.gas"]

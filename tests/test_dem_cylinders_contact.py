@@ -1,4 +1,4 @@
-"""Where two cylinders touch: by hand for each type, and against points, planes and directions."""
+"""Where cylinders and spheres touch: by hand for each type, against points, planes, directions."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ def tilted(angle: float, about: float = 0.0) -> np.ndarray:
 def hand_made(kind: str) -> tuple:
     """The first's radius and half length, the second's, its way and axis, the normal, the point.
 
-    They overlap by DEPTH; the first is about z.
+    They overlap by DEPTH; the first is about z. A sphere has no half length.
     """
     d, half = DEPTH, 0.5 * DEPTH
+    if "sphere" in kind:
+        return with_a_sphere(kind)
     c, s = cos(0.3), sin(0.3)
     if kind == "face-face":
         return (1.0, 0.5), (0.8, 0.4), [0.5, 0.0, 0.9 - d], Z, Z, [0.35, 0.0, 0.5 - half]
@@ -53,6 +55,22 @@ def hand_made(kind: str) -> tuple:
     across = normal - (normal @ axis) * axis
     way = rim + 0.3 * axis + 0.6 * across / np.linalg.norm(across)
     return (0.6, 0.3), (0.6, 0.3), way, axis, normal, rim + half * normal
+
+
+def with_a_sphere(kind: str) -> tuple:
+    """The same of a sphere of radius 0.3 and what it touches."""
+    d, half = DEPTH, 0.5 * DEPTH
+    if kind == "face-sphere":
+        return (1.0, 0.5), (0.3, 0.0), [0.4, 0.2, 0.8 - d], 0 * Z, Z, [0.4, 0.2, 0.5 - half]
+    if kind == "band-sphere":
+        normal, point = [0.6, 0.8, 0.0], [0.3 - 0.6 * half, 0.4 - 0.8 * half, -0.4]
+        way = [0.48 - 0.6 * d, 0.64 - 0.8 * d, -0.4]
+        return (0.5, 1.0), (0.3, 0.0), way, 0 * Z, normal, point
+    normal = np.array([0.6, 0.0, 0.8])
+    if kind == "spheres":
+        return (0.6, 0.0), (0.3, 0.0), (0.9 - d) * normal, 0 * Z, normal, (0.6 - half) * normal
+    rim = np.array([0.6, 0.0, 0.3])
+    return (0.6, 0.3), (0.3, 0.0), rim + (0.3 - d) * normal, 0 * Z, normal, rim - half * normal
 
 
 HAND_MADE = ["face-face within", *KINDS]
@@ -146,7 +164,8 @@ def directions(count: int) -> np.ndarray:
 def random_pairs(count: int, seed: int):
     """Cylinders of aspect 0.1 to 6, as far apart as makes them overlap or miss by a little.
 
-    The last tenth are about parallel, the tenth before about perpendicular: exactly or not.
+    The last tenth are about parallel, the tenth before about perpendicular: exactly or not. Of the
+    first fifth one is a sphere, of the first tenth both.
     """
     rng = np.random.default_rng(seed)
     aspect = np.exp(rng.uniform(np.log(0.1), np.log(6.0), (2, count)))
@@ -158,6 +177,8 @@ def random_pairs(count: int, seed: int):
     noise = slight * rng.normal(size=(count, 3))
     w[-2 * part :] = unit(np.cross(u, w) + noise)[-2 * part :]
     w[-part:] = unit(u + noise)[-part:]
+    other[: 2 * part], w[: 2 * part] = [0.5, 0.0], 0.0
+    one[:part], u[:part] = [0.4, 0.0], 0.0
     way, touch = unit(rng.normal(size=(count, 3))), np.full(count, np.inf)
     for n in directions(300):
         toward = way @ n
@@ -170,7 +191,8 @@ def inside(point, size, axis):
     """How deep a point is in a cylinder about the origin, negative outside."""
     along = (point * axis).sum(axis=1)
     across = np.linalg.norm(point - along[:, None] * axis, axis=1)
-    return np.minimum(size[:, 1] - abs(along), size[:, 0] - across)
+    ends = np.where(size[:, 1] > 0.0, size[:, 1] - abs(along), np.inf)
+    return np.minimum(ends, size[:, 0] - across)
 
 
 PAIRS, ROUNDING = 12_000, 3e-6

@@ -1,4 +1,4 @@
-"""Cylinders in motion: what must be kept, closed forms, orders of the step, and the box."""
+"""Cylinders and spheres in motion: what must be kept, closed forms, orders of the step, the box."""
 
 from __future__ import annotations
 
@@ -41,12 +41,16 @@ def last(count: int, *numbers, **others) -> Sample:
 
 
 def cylinders(position, axis, radius, half_length, velocity=0.0, spin=0.0, mass=1.0) -> Cylinders:
-    """Cylinders of these numbers, each or all, about the middle of the big box."""
+    """Cylinders of these numbers, each or all, about the middle of the big box.
+
+    Spheres have no half length, and no axis.
+    """
     position = np.array(position, float).reshape(-1, 3) + 50.0
     one, every = np.ones(len(position)), np.ones_like(position)
     axis = np.array(axis, float) * every
     axis /= np.linalg.norm(axis, axis=1)[:, None]
-    sizes = (np.asarray(number) * one for number in (radius, half_length, mass))
+    sizes = [np.asarray(number) * one for number in (radius, half_length, mass)]
+    axis[sizes[1] == 0.0] = 0.0
     return Cylinders(position, velocity * every, axis, spin * every, *sizes)
 
 
@@ -87,6 +91,10 @@ APPROACH = {
     "skewed bands": ((0.3, 1.5), [0.1, 0.2, 0.61], [1, 0.3, 0], (0.3, 1.5)),
     "band-edge": ((0.3, 1.5), [0.0, 1.3, 0.1], [0, 1, 0.8], (0.4, 1.0)),
     "edge-edge": ((0.6, 0.3), [1.02, -0.1, 0.72], [1, 1, 1], (0.6, 0.3)),
+    "spheres": ((0.6, 0.0), [0.1, 0.2, 0.89], [0, 0, 1], (0.3, 0.0)),
+    "face-sphere": ((1.0, 0.1), [0.2, 0.1, 0.41], [0, 0, 1], (0.3, 0.0)),
+    "band-sphere": ((0.3, 1.5), [0.1, 0.61, 0.2], [0, 0, 1], (0.3, 0.0)),
+    "edge-sphere": ((0.6, 0.3), [0.8, 0.1, 0.55], [0, 0, 1], (0.3, 0.0)),
 }
 
 
@@ -168,7 +176,8 @@ def test_a_normal_that_jumps_from_the_face_to_the_band_is_counted():
 
 # Many, in a box.
 
-MIXED = np.resize([6.0, 0.3, 1.0, 0.1], 60)
+MIXED = np.resize([6.0, 0.3, 1.0, 0.1, 0.0], 60)
+"""Aspect ratios, and spheres."""
 
 
 def bed(fraction: float, seed: int = 1, aspect: np.ndarray = MIXED) -> tuple[Cylinders, Cell]:
@@ -187,7 +196,7 @@ def loose() -> tuple[Cylinders, Cell]:
 
 
 def test_a_gas_of_elastic_grains_keeps_its_energy_and_momentum(loose):
-    """Rods, disks and others, some of which come to lie flat: three in ten thousand."""
+    """Rods, disks, spheres and others, some of which come to lie flat: three in ten thousand."""
     run = list(islice(shear(*loose, law_of(), 2e-4, 50), 40))
     total = np.array([energy(sample) for sample in run])
     assert sum(sample.counts.sum() for sample in run) * 50 > 5000
@@ -289,6 +298,8 @@ def test_a_run_that_makes_no_sense_is_refused(loose):
     grains, cell = loose
     with pytest.raises(ValueError, match="no run of"):
         next(shear(grains, cell, law_of(), -1.0, 10))
+    with pytest.raises(ValueError, match="a sphere has no axis"):
+        next(shear(replace(grains, axis=np.ones((60, 3))), cell, law_of(), 1e-4, 10))
     with pytest.raises(ValueError, match="not longer than"):
         next(shear(grains, replace(cell, size=np.full(3, 2.0)), law_of(), 1e-4, 10))
 

@@ -16,6 +16,7 @@ from liftdrag.analysis.shear import ShearAnswers, answers, early_answers, normal
 from liftdrag.analysis.structure import structure_series
 from liftdrag.deck.shear import CHANNELS
 from liftdrag.errors import InputError
+from liftdrag.kinetic import steady_shear
 from liftdrag.scene import ShearScene
 from liftdrag.series import Series
 from liftdrag.snapshot import Snapshot
@@ -134,6 +135,31 @@ def test_order_is_the_mean_of_the_species_by_their_numbers():
     assert structure["stack_size"][0] == 2.0
     assert structure["stacking_fraction_1"][0] == pytest.approx(2.0 / 15.0)
     assert structure["stacking_fraction"][0] == pytest.approx(2.0 / 60.0)
+
+
+def test_spheres_have_no_order_and_leave_that_of_the_others_alone():
+    """Perpendicular disks among spheres; the share in stacks is of the disks."""
+    species = [{"shape": "sphere", "share": 0.25}, {"aspect_ratio": 0.5, "share": 0.75}]
+    scene = scene_of(species=species, cell={"solid_fraction": 0.02})
+    structure = structure_series(scene, moments(scene, 2))
+    assert structure["order_parameter"] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert (structure["order_parameter_2"] == structure["order_parameter"]).all()
+    assert (structure["stacking_fraction_2"] == structure["stacking_fraction"]).all()
+    assert "order_parameter_1" not in structure.channels
+    assert not any(name.endswith(("liu", "theory")) for name in found_of(scene).quantities)
+
+
+def test_spheres_alone_are_beside_theory_while_they_are_a_fluid():
+    alone = [{"shape": "sphere", "share": 1.0}]
+    found = found_of(scene_of(species=alone, cell={"solid_fraction": 0.3}))
+    there = steady_shear(0.3, 0.9)
+    assert found.quantities["shear_stress_over_theory"].mean == pytest.approx(
+        found.quantities["shear_stress"].mean / there.shear_stress
+    )
+    assert found.comparison["fluctuation_energy"].curve.mean == pytest.approx(there.energy)
+    assert "order_parameter" not in found.quantities
+    frozen = found_of(scene_of(species=alone, cell={"solid_fraction": 0.52}))
+    assert frozen.comparison == {}
 
 
 def quantity(mean: float, error: float) -> Quantity:

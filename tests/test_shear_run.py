@@ -60,6 +60,18 @@ def test_looks_begin_with_the_deck_and_never_leave_the_cell(made: Result):
     assert (np.abs(looks["position"] / sides - 0.5) < 0.6).all()
 
 
+def test_run_of_spheres_leaves_what_they_have(out: Path):
+    """All but an order; the energy of turning is none, in the looks they have no axis."""
+    found = run(tiny(species=[{"shape": "sphere", "share": 1.0}]), out)
+    assert all(one["holds"] for one in found.record["invariants"].values())
+    assert found.quantities["rotational_energy"].mean < 1e-20
+    assert 0.0 < found.quantities["pressure_over_theory"].mean < 2.0
+    assert {path.name for path in out.glob("*.png")} == {"flow.png", "cell.png"}
+    assert all((out / name).stat().st_size > 100 for name in found.files)
+    assert not read_arrays(out / dem_shear.LOOKS)["axis"].any()
+    assert analyze(out).record == found.record
+
+
 def test_deck_runs_by_hand_with_the_same_bits(made: Result, out: Path):
     folder, text, command = build_deck(tiny(), out)
     assert (made.folder / GRAINS).read_bytes() == (folder / GRAINS).read_bytes()

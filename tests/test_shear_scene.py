@@ -115,10 +115,31 @@ def test_numbers_of_the_species_are_the_nearest_to_their_shares():
     assert scene_of().rod_fraction == 0.5
 
 
+SPHERES = [{"shape": "sphere", "share": 1.0}]
+
+
+def test_sphere_is_that_of_the_volume():
+    """Its diameter is every side of it, and the paper's critical time is that of Rayleigh."""
+    scene = scene_of(species=SPHERES)
+    d = scene.grains.diameter
+    assert scene.species[0].sides(d) == (d, d)
+    assert scene.longest == d
+    assert scene.rod_fraction == 0.0
+    rayleigh = pi * 0.5 * d / (0.1631 * 0.3 + 0.8766) * sqrt(2500.0 / (8.7e4 / 2.6))
+    assert derive(scene).critical_time.value == pytest.approx(rayleigh)
+
+
 REFUSED = {
     "nothing": ({"species": []}, "species"),
     "shares short of one": ({"species": shares(0.5, 0.4)}, "sum to 0.9"),
     "shares beyond one": ({"species": shares(0.7, 0.4)}, "sum to 1.1"),
+    "spheres twice": ({"species": [{"shape": "sphere", "share": 0.5}] * 2}, "or are spheres"),
+    "a long sphere": (
+        {"species": [{"shape": "sphere", "aspect_ratio": 1, "share": 1.0}]},
+        r"species\.0\.aspect_ratio = 1.*a sphere has none",
+    ),
+    "no ratio": ({"species": [{"share": 1.0}]}, r"species\.0\.aspect_ratio: a cylinder needs it"),
+    "a cube": ({"species": [{"shape": "cube", "share": 1.0}]}, r"species\.0\.shape"),
     "a ratio twice": ({"species": [{"aspect_ratio": 2, "share": 0.5}] * 2}, "one aspect_ratio"),
     "too flat": ({"species": [{"aspect_ratio": 0.01, "share": 1.0}]}, "aspect_ratio"),
     "too long": ({"species": [{"aspect_ratio": 50, "share": 1.0}]}, "aspect_ratio"),
@@ -248,7 +269,7 @@ def test_curve_at_half_is_that_of_the_paper():
         assert liu.curve(name, 0.6) is None
 
 
-@pytest.mark.parametrize("name", ["shear/quick", "liu2020/rods"])
+@pytest.mark.parametrize("name", ["shear/quick", "shear/spheres", "liu2020/rods"])
 def test_packaged_case_is_a_good_one(name: str):
     scene = load(name).scene
     assert isinstance(scene, ShearScene)

@@ -27,7 +27,7 @@ WARM, HOT = 1.2, 4.0
 STAGE_STEPS = 40
 
 REST_STAGES = 400
-"""Stages, at most, until they can shrink."""
+"""Stages, at most, until they can shrink; as many more from rest, where few meet to lose speed."""
 
 SPARE = 0.004
 """By how much they outgrow their size, and the overlap, over an extent, that they lose again."""
@@ -60,19 +60,21 @@ def grown(
     grains = swollen(
         sown(radius, half_length, cell.size, np.random.default_rng(seed)), cell, threads
     )
-    for _ in range(REST_STAGES):
+    for count in range(2 * REST_STAGES):
+        if count == REST_STAGES:
+            grains = still(grains)
         now = stage(grains, cell, 0.5, threads)
         grains, small = now.grains, scaled(now.grains, radius, half_length, 1.0)
         if now.overlap < SPARE and len(touching(small, cell).pair) == 0:
-            still = np.zeros_like(grains.position)
-            return replace(
-                small,
-                position=small.position % cell.size,
-                velocity=still,
-                spin=still.copy(),
-                mass=np.asarray(mass, float),
-            )
+            inside = replace(small, position=small.position % cell.size)
+            return replace(still(inside), mass=np.asarray(mass, float))
     raise ValueError(MISFIT)
+
+
+def still(grains: Cylinders) -> Cylinders:
+    """The grains at rest."""
+    zero = np.zeros_like(grains.position)
+    return replace(grains, velocity=zero, spin=zero.copy())
 
 
 def swollen(grains: Cylinders, cell: Cell, threads: int) -> Cylinders:
