@@ -91,12 +91,13 @@ class Gas:
 
 
 def quantities(rows: np.ndarray, leave: float) -> dict[str, Quantity]:
-    """Shear stress, pressure and its kinetic part, from the rows after a strain."""
+    """Shear stress, pressure, its kinetic part and xx - yy, from the rows after a strain."""
     kept = rows[round(leave / EVERY) :]
     stress = kept.sum(axis=1)
     series = {
         "shear_stress": -stress[:, 0, 1],
         "pressure": np.trace(stress, axis1=1, axis2=2) / 3.0,
         "kinetic_pressure": np.trace(kept[:, 0], axis1=1, axis2=2) / 3.0,
+        "normal_difference": stress[:, 0, 0] - stress[:, 1, 1],
     }
     return {name: mean_of(values, EVERY, "1") for name, values in series.items()}

@@ -31,7 +31,7 @@ def overlap_along(place, i, j, dx, dy, dz, nx, ny, nz):
 @compiled(inline=True)
 def contact_of(place, i, j, dx, dy, dz):
     """The contact of grains i and j, d apart, as `meeting` has it."""
-    if place[i, 7] == 0.0 or place[j, 7] == 0.0:
+    if place[i, 7] * place[j, 7] == 0.0:
         return rounded(place, i, j, dx, dy, dz)
     return meeting(
         place[i, 6],

@@ -11,6 +11,8 @@ from math import cos, sin, sqrt
 
 from liftdrag.dem.compiled import compiled
 
+TINY = 1e-300
+
 SMALL = 0.05
 """Angle (rad) below which sine and cosine are those of a series, exact to rounding."""
 
@@ -29,14 +31,14 @@ def turning(square):
 
 @compiled(inline=True)
 def turned(ux, uy, uz, x, y, z):
-    """A unit vector turned by the vector of an angle (rad)."""
+    """A unit vector turned by the vector of an angle (rad), or none."""
     sine, cosine = turning(x * x + y * y + z * z)
     px, py, pz = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
     qx, qy, qz = y * pz - z * py, z * px - x * pz, x * py - y * px
     ux += sine * px + cosine * qx
     uy += sine * py + cosine * qy
     uz += sine * pz + cosine * qz
-    scale = 1.0 / sqrt(ux * ux + uy * uy + uz * uz)
+    scale = 1.0 / sqrt(max(ux * ux + uy * uy + uz * uz, TINY))
     return ux * scale, uy * scale, uz * scale
 
 
@@ -50,9 +52,7 @@ def set_spin(place, move, ease, i):
 
 @compiled(inline=True)
 def turn(place, move, angle, i):
-    """Turn the axis of grain i, if it has one, about its angular momentum, by this times that."""
-    if place[i, 7] == 0.0:
-        return
+    """Turn the axis of grain i about its angular momentum, by this times that (rad)."""
     place[i, 3], place[i, 4], place[i, 5] = turned(
         place[i, 3],
         place[i, 4],
