@@ -164,12 +164,10 @@ def test_a_dilute_flow_is_that_of_theory(fraction: float):
     """800 grains, known to 1 or 2 %; Navier's and Stokes' shear stress is over 16 % higher."""
     gas = Gas(fraction, 800, 0.02)
     found, there = quantities(gas.rows(80.0), 10.0), gas.theory
-    whole = there.kinetic + there.contact
     known = {
         "shear_stress": there.shear_stress,
         "pressure": there.pressure,
         "kinetic_pressure": float(np.trace(there.kinetic)) / 3.0,
-        "normal_difference": float(whole[0, 0] - whole[1, 1]),
     }
     for name, value in known.items():
         assert abs(found[name].mean - value) < 3.0 * found[name].standard_error, name
