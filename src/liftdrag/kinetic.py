@@ -8,6 +8,10 @@ w > 0 have closed forms, and directions are summed over. So no rate is small, as
 Navier and Stokes: at e = 0.9 these give 16 % more energy and 21 % more shear stress at a solid
 fraction of 0.05, 9 % and 4 % at 0.3. Nearly elastic spheres have Enskog's viscosity and pressure.
 
+Of 800 grains at e = 0.9, stresses and energy are within 1 %, their error, of it at solid fractions
+of 0.05 and 0.1, and 2 to 4 % lower at 0.3, whatever their stiffness. A cell of few grains is
+colder: by a tenth with 60 at 0.2.
+
 Chou and Richman, Physica A 259 (1998) 430; Lutsko, Phys. Rev. E 70 (2004) 061101; g0 at contact of
 Carnahan and Starling, J. Chem. Phys. 51 (1969) 635.
 """
