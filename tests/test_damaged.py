@@ -256,9 +256,9 @@ def folder(
     result_of: Callable[[str], Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Path:
     """A copy of a tiny run, whose pictures are not drawn, without its seal."""
+    copy = shutil.copytree(result_of("free surface").folder, tmp_path / "run")
     monkeypatch.setattr(pictures, "draw_forces", lambda *_: None)
     monkeypatch.setattr(pictures, "draw_bed", lambda *_: None)
-    copy = shutil.copytree(result_of("free surface").folder, tmp_path / "run")
     unsealed = read_json(copy / RESULT)
     del unsealed["sealed"]
     (copy / RESULT).write_text(json.dumps(unsealed))

@@ -268,7 +268,7 @@ def test_hostile_setting_is_refused(setting: str, refused: Callable[..., str]):
         ("shear/quick", "species.-1.share=1", "species.-1.share = 1: the list has no item '-1'; "),
         ("shear/quick", "species.²=1", "species.² = 1: the list has no item '²'; "),
         ("shear/quick", "species.0=1", "species.0 = 1: this should be a table of keys; "),
-        ("shear/quick", "species.0.x=1", "species.0.x: this key is unknown; choose one of aspect_"),
+        ("shear/quick", "species.0.x=1", "species.0.x: this key is unknown; choose one of shape, "),
         ("shear/quick", "species.1.shar=1", "species.1.shar: this key is unknown; did you mean "),
         ("shear/quick", "species.0.share=2", "species.0.share = 2: "),
     ],
