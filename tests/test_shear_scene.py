@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from liftdrag import liu
+from liftdrag import kinetic, liu
 from liftdrag.case import Case, load
 from liftdrag.errors import CaseError, InputError
 from liftdrag.numerics import ShearNumerics, derive
@@ -289,3 +289,17 @@ def test_study_runs_what_its_names_say():
         assert (scene.cell.solid_fraction, scene.rod_fraction) == (fraction, rods)
         assert {one.aspect_ratio for one in scene.species} <= {6, 0.3}
     assert len({one.set["seed"] for one in plan.runs.values()}) == len(plan.runs) == 20
+
+
+def test_pressure_of_spheres_is_that_of_kinetic_theory():
+    """Hot grains press the more; where there is no steady flow, and among rods, the curve does."""
+    balls = [{"shape": "sphere", "share": 1}]
+    expected = {}
+    for e in (0.9, 0.99, 1.0 - 1e-12):
+        scene = scene_of(species=balls, grains={"restitution": e}, cell={"solid_fraction": 0.3})
+        expected[e] = derive(scene).pressure.value / scene.stress_scale
+    assert expected[0.9] == pytest.approx(kinetic.steady_shear(0.3, 0.9).pressure)
+    assert expected[0.99] > 5.0 * expected[0.9]
+    curve = liu.curve("pressure", 0.4)
+    assert curve is not None
+    assert expected[1.0 - 1e-12] == pytest.approx(float(curve(np.array(0.5))))

@@ -24,7 +24,7 @@ from liftdrag.pictures import study as pictures
 from liftdrag.pictures.study import Line
 from liftdrag.study import read
 from liftdrag.study.carried import answer
-from liftdrag.study.drawn import draw
+from liftdrag.study.drawn import _curve, draw
 from liftdrag.study.findings import findings, growths
 from liftdrag.study.points import Point, points_of
 from liftdrag.study.state import State
@@ -485,3 +485,21 @@ def test_lines_of_shear_flows_have_the_papers_curve_beside_them(
     file.write_text(file.read_text().replace('against = "order_parameter"', 'against = "pressure"'))
     with pytest.raises(InputError, match=r"no curve of pressure against pressure; set against"):
         read(str(file))
+
+
+def test_spheres_are_refused_an_order_and_given_no_curve(tmp_path: Path):
+    file = tmp_path / "s.study"
+    balls = 'species = [{ shape = "sphere", share = 1 }]'
+    drawn = '[[pictures]]\nfile = "a.png"\ntitle = "t"\nquantity = "shear_stress"\n'
+    file.write_text(
+        f'title = "S"\n[runs.a]\ncase = "liu2020/rods"\nset = {{ {balls} }}\n'
+        f'{drawn}against = "order_parameter"\n'
+    )
+    with pytest.raises(
+        InputError, match=r"^The run a .* is of spheres, without order_parameter\.$"
+    ):
+        points(file)
+    mixed = balls.replace("share = 1 }", "share = 0.5 }, { aspect_ratio = 6, share = 0.5 }")
+    file.write_text(file.read_text().replace(balls, mixed) + 'curve = "liu2020"\n')
+    (picture,) = read(str(file)).pictures
+    assert _curve(picture, list(points(file).values()), [0.6, 0.9]) == ()

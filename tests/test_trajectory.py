@@ -143,6 +143,9 @@ def test_what_is_no_trajectory_is_refused(folder: Path, tmp_path: Path):
     shutil.copy(folder / "run.json", tmp_path)
     with pytest.raises(InputError, match=r"holds no trajectory.dump; run a tank or a shear flow"):
         write_vtk(tmp_path)
+    (tmp_path / "trajectory.dump").write_bytes(b"")
+    with pytest.raises(InputError, match=r"holds no whole frame; run the case again\.$"):
+        write_vtk(tmp_path)
     rows = [line.split() for line in (folder / "trajectory.dump").read_text().splitlines()]
     without = [" ".join(row[:2] + row[3:] if len(row) == 9 else row) for row in rows]
     (tmp_path / "trajectory.dump").write_text("\n".join([*without, ""]).replace(" radius", ""))

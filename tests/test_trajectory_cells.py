@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from test_shear_scene import tiny
 from test_trajectory import frames
 
 from liftdrag.engines.dem_shear import snapshots
+from liftdrag.errors import InputError
 from liftdrag.runner import run
 from liftdrag.scene import ShearScene
 from liftdrag.trajectory import cells, write_vtk
@@ -90,3 +92,19 @@ def test_spheres_among_cylinders_keep_their_size(tmp_path: Path):
     middle = next(snapshots(out)).position[surface["id"][ball] - 1]
     from_middle = np.linalg.norm(surface.points[ball] - middle, axis=1)
     np.testing.assert_allclose(from_middle, 0.5 * scene.grains.diameter, rtol=1e-4)
+
+
+def test_dump_is_made_anew_and_a_run_without_looks_has_not_ended(folder: Path, tmp_path: Path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    whole = (copy / "trajectory.dump").read_bytes()
+    (copy / "trajectory.dump").write_bytes(b"")
+    write_vtk(copy)
+    assert (copy / "trajectory.dump").read_bytes() == whole
+    (copy / "looks.npz").write_bytes((copy / "looks.npz").read_bytes()[:1000])
+    with pytest.raises(InputError, match="looks at the cell are damaged"):
+        write_vtk(copy)
+    (copy / "looks.npz").unlink()
+    with pytest.raises(InputError, match="has not ended; go on with: liftdrag run --resume --out"):
+        write_vtk(copy)
+    assert (copy / "trajectory.dump").read_bytes() == whole

@@ -59,7 +59,7 @@ def beside_theory(
     solid_fraction: float, restitution: float, found: Mapping[str, Quantity]
 ) -> dict[str, Compared]:
     """The stresses and energy of hard spheres beside kinetic theory; none where they freeze."""
-    if solid_fraction > kinetic.FREEZING:
+    if not kinetic.holds(solid_fraction, restitution):
         return {}
     there = kinetic.steady_shear(solid_fraction, restitution)
     return {

@@ -57,7 +57,7 @@ def answers(scene: ShearScene, sampled: Series, moments: Iterable[Snapshot]) -> 
     looked = structure.part(first, first + last)
     if len(looked) < 2:
         raise InputError("The axes of the grains were not recorded; run the case again.")
-    quantities = stresses(steady) | _energies(steady)
+    quantities = stresses(steady) | _energies(scene, steady)
     quantities |= {name: _mean(looked, name) for name in looked.channels if name != "strain"}
     tensor = {name: _mean(_over(sampled, scene.stress_scale, window), name) for name in _names()}
     beside, source = _beside(scene, quantities)
@@ -127,9 +127,13 @@ def stresses(steady: Series) -> dict[str, Quantity]:
     return found | {"bulk_friction": friction}
 
 
-def _energies(steady: Series) -> dict[str, Quantity]:
-    """Kinetic share of the stress, normal stress difference, and energies of a grain."""
-    found = {name: _mean(steady, name) for name in ("fluctuation_energy", "rotational_energy")}
+def _energies(scene: ShearScene, steady: Series) -> dict[str, Quantity]:
+    """Kinetic share of the stress, normal stress difference, and energies of a grain.
+
+    Nothing turns a sphere without friction.
+    """
+    names = ("fluctuation_energy", "rotational_energy")[: 1 if scene.is_of_spheres else 2]
+    found = {name: _mean(steady, name) for name in names}
     for name, channel in (("kinetic_share", "kinetic_pressure"), ("normal_difference",) * 2):
         share = ratio_of_means(steady[channel], steady["pressure"], steady.interval)
         assert share is not None

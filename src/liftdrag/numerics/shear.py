@@ -8,7 +8,7 @@ from math import ceil, pi, sqrt
 
 import numpy as np
 
-from liftdrag import hertz, liu
+from liftdrag import hertz, kinetic, liu
 from liftdrag.errors import CaseError, at_most
 from liftdrag.numerics.value import Numerics, Value
 from liftdrag.scene import ShearScene
@@ -100,9 +100,7 @@ def derive(scene: ShearScene) -> ShearNumerics:
         ),
         skin=_skin(scene),
         stress_scale=Value(scene.stress_scale, "Pa", "rho d_v^2 rate^2"),
-        pressure=Value(
-            pressure, "Pa", f"to expect: the paper's curve at an order of {MEAN_ALIGNMENT}"
-        ),
+        pressure=Value(pressure, "Pa", f"to expect: {_expected_by(scene)}"),
         overlap_ratio=Value(overlap, "1", "to expect, over the least side: load and impact"),
         grain_steps=Value(cost, "1", "grains times steps, their growth left out"),
         core_hours=Value(
@@ -135,8 +133,25 @@ def least_stiffness(scene: ShearScene) -> float:
     return hertz.stiffness(effective, radius / 2.0)
 
 
+def _expected_by(scene: ShearScene) -> str:
+    return (
+        "kinetic theory" if _is_gas(scene) else f"the paper's curve at an order of {MEAN_ALIGNMENT}"
+    )
+
+
+def _is_gas(scene: ShearScene) -> bool:
+    """Whether kinetic theory is of these grains."""
+    return scene.is_of_spheres and kinetic.holds(scene.solid_fraction, scene.grains.restitution)
+
+
 def expected_pressure(scene: ShearScene) -> float:
-    """Pressure (Pa) by the paper's curve, of the nearest solid fraction that it has."""
+    """Pressure (Pa) by the paper's curve, of the nearest solid fraction that it has.
+
+    Of spheres that of kinetic theory where it holds.
+    """
+    if _is_gas(scene):
+        there = kinetic.steady_shear(scene.solid_fraction, scene.grains.restitution)
+        return scene.stress_scale * there.pressure
     least, most = liu.FRACTIONS
     found = liu.curve("pressure", min(max(scene.solid_fraction, least), most))
     assert found is not None

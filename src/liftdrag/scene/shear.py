@@ -183,6 +183,11 @@ class ShearScene(Part):
         return sum(one.share for one in self.species if one.is_rod)
 
     @property
+    def is_of_spheres(self) -> bool:
+        """Whether all grains are spheres."""
+        return all(one.is_sphere for one in self.species)
+
+    @property
     def longest(self) -> float:
         """Diameter (m) of the sphere about the longest grain."""
         return max(one.span(self.grains.diameter) for one in self.species)

@@ -10,6 +10,7 @@ import numpy as np
 
 from liftdrag import liu
 from liftdrag.pictures.study import Axes, Line, draw_bars, draw_lines
+from liftdrag.scene import ShearScene
 from liftdrag.study.carried import Answer
 from liftdrag.study.plan import Picture, Plan, is_quantity
 from liftdrag.study.points import Point, expanded
@@ -88,8 +89,13 @@ def _line(picture: Picture, label: str, answers: Sequence[Answer]) -> Line:
 def _curve(
     picture: Picture, points: Sequence[Point], places: Sequence[float]
 ) -> Sequence[tuple[float, float]]:
-    """The paper's curve where these points of one solid fraction are; none where it has none."""
+    """The paper's curve where these points of one solid fraction are; none where it has none.
+
+    It is of rods and disks, without spheres.
+    """
     fractions = {point.number("cell.solid_fraction") for point in points} if picture.curve else ()
+    if any(_has_spheres(point) for point in points):
+        return ()
     if len(fractions) != 1:
         return ()
     curve = liu.curve(picture.quantity, *fractions)
@@ -97,6 +103,11 @@ def _curve(
         return ()
     order = np.linspace(max(min(places), liu.ALIGNED), max(places), 30)
     return list(zip(order, curve(order), strict=True))
+
+
+def _has_spheres(point: Point) -> bool:
+    scene = point.case.scene
+    return isinstance(scene, ShearScene) and any(one.is_sphere for one in scene.species)
 
 
 def _lines(

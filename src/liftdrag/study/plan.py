@@ -78,6 +78,9 @@ KNOWN = {
 }
 """What a study may claim or draw of each scene, whatever the engine."""
 
+OF_AXES = ("order_parameter", "rotational_energy", "stack_size", "stacking_fraction")
+"""What spheres alone do not have, without friction."""
+
 
 def is_quantity(name: str) -> bool:
     """Whether some scene answers with it."""

@@ -14,7 +14,8 @@ from typing import Any
 from liftdrag.case import Case, load, with_settings
 from liftdrag.errors import CaseError, InputError, shown
 from liftdrag.runner import engine_for
-from liftdrag.study.plan import KNOWN, Plan, Scale, Varied, is_quantity
+from liftdrag.scene import ShearScene
+from liftdrag.study.plan import KNOWN, OF_AXES, Plan, Scale, Varied, is_quantity
 
 MOST = 10_000
 """Runs of a study."""
@@ -214,9 +215,12 @@ def drawn(groups: Sequence[Sequence[str]] | None, points: Mapping[str, Point]) -
 
 
 def _check_quantity(quantity: str, point: Point) -> None:
-    scene = point.case.scene.scene
-    if quantity not in KNOWN[scene]:
+    scene = point.case.scene
+    known = KNOWN[scene.scene]
+    if quantity not in known:
         raise InputError(
-            f"The run {point.name} of the study is a {scene}, which has no {quantity}; choose "
-            f"one of {', '.join(KNOWN[scene])}."
+            f"The run {point.name} of the study is a {scene.scene}, which has no {quantity}; "
+            f"choose one of {', '.join(known)}."
         )
+    if isinstance(scene, ShearScene) and scene.is_of_spheres and quantity in OF_AXES:
+        raise InputError(f"The run {point.name} of the study is of spheres, without {quantity}.")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from liftdrag.case import Case
 from liftdrag.deck import Plan
+from liftdrag.engines.dem_shear import LOOKS
 from liftdrag.errors import InputError, escaped
 from liftdrag.files import is_file
 from liftdrag.folder import Record, writing
@@ -28,7 +29,7 @@ def offer(folder: Path) -> str:
         opens = f"ParaView opens {write_vtk(folder)}."
     else:
         opens = f"For ParaView: {HOW}, then liftdrag vtk {shlex.quote(str(folder))}"
-    return f"OVITO opens {write_dump(folder)}. {opens}"
+    return f"OVITO opens {folder / DUMP}. {opens}"
 
 
 def _has_vtk() -> bool:
@@ -41,13 +42,15 @@ def write_dump(folder: Path) -> Path:
     Raises InputError where there is none or it is damaged, RunFailed when it cannot be written.
     """
     scene, plan = _read(folder)
-    if is_file(folder / DUMP):
-        return folder / DUMP
-    if not isinstance(scene, ShearScene):
-        name = escaped(str(folder))
+    name = escaped(str(folder))
+    if isinstance(scene, ShearScene):
+        if not is_file(folder / LOOKS):
+            how = f"liftdrag run --resume --out {shlex.quote(str(folder))}"
+            raise InputError(f"The run in {name} has not ended; go on with: {how}")
+        with writing(folder / DUMP):
+            cells.write_dump(folder, scene, plan.time_step)
+    elif not is_file(folder / DUMP):
         raise InputError(f"{name} holds no {DUMP}; run a tank or a shear flow with --dump.")
-    with writing(folder / DUMP):
-        cells.write_dump(folder, scene, plan.time_step)
     return folder / DUMP
 
 

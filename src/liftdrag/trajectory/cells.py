@@ -48,12 +48,13 @@ def looks(folder: Path) -> Iterator[Snapshot]:
 
 
 def write_dump(folder: Path, scene: ShearScene, time_step: float) -> None:
-    """Write the looks as a dump. Raises InputError where they are damaged, OSError."""
-    grains = read_grains(folder)[0]
-    with (folder / DUMP).open("w") as file:
+    """Write the looks as a dump, or none. Raises InputError where they are damaged, OSError."""
+    grains, beside = read_grains(folder)[0], folder / f"{DUMP}.part"
+    with beside.open("w") as file:
         for moment in looks(folder):
             header = _header(scene, round(moment.time / time_step))
             np.savetxt(file, _rows(grains, moment), "%.7g", header=header, comments="")
+    beside.replace(folder / DUMP)
 
 
 def _header(scene: ShearScene, step: int) -> str:

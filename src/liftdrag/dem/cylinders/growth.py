@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from liftdrag.dem.cylinders.flow import Sample, shear
-from liftdrag.dem.cylinders.state import Cell, Cylinders
+from liftdrag.dem.cylinders.state import Cell, Cylinders, volumes
 from liftdrag.dem.cylinders.touching import touching
 from liftdrag.dem.law import HertzMindlin, hertz_mindlin
 
@@ -24,7 +24,7 @@ LARGEST, SMALLEST = 0.01, 5e-5
 WARM, HOT = 1.2, 4.0
 """Energy over what it was before a stage: when they grow too fast, and when they are stuck."""
 
-CROWDED, ALIGNED = 0.53, 2.0
+CROWDED, ALIGNED = 0.53, 3.0
 """Solid fraction above which rods in no order jam; axes then lie about those of the flow, along it
 and across its layers: by how much more than at random, in any direction."""
 
@@ -112,20 +112,13 @@ def sown(
     """
     n = len(radius)
     axis = rng.normal(size=(n, 3))
-    if fraction(radius, half_length, size) > CROWDED:
+    if volumes(radius, half_length).sum() > CROWDED * np.prod(size):
         axis[np.arange(n), np.where(half_length > radius, 0, 1)] += ALIGNED
     axis /= np.linalg.norm(axis, axis=1)[:, None]
     axis[half_length == 0.0] = 0.0
     position = rng.uniform(size=(n, 3)) * size
     velocity, spin = rng.normal(size=(n, 3)), np.zeros((n, 3))
     return warmed(Cylinders(position, velocity, axis, spin, radius, half_length, np.ones(n)))
-
-
-def fraction(radius: np.ndarray, half_length: np.ndarray, size: np.ndarray) -> float:
-    """The solid fraction of these in a box."""
-    ones = np.ones((len(radius), 3))
-    grains = Cylinders(ones, ones, ones, ones, radius, half_length, ones[:, 0])
-    return float(grains.volume.sum() / np.prod(size))
 
 
 def warmed(grains: Cylinders) -> Cylinders:

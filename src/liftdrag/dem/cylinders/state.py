@@ -46,8 +46,7 @@ class Cylinders:
     @property
     def volume(self) -> np.ndarray:
         """Volume of each (n,), m^3."""
-        reach = np.where(self.is_sphere, 2.0 / 3.0 * self.radius, self.half_length)
-        return np.asarray(2.0 * np.pi * self.radius**2 * reach)
+        return volumes(self.radius, self.half_length)
 
     @property
     def is_sphere(self) -> np.ndarray:
@@ -74,6 +73,12 @@ class Cylinders:
         across, about = self.inertia.T[:, :, None]
         along = (self.spin * self.axis).sum(axis=1, keepdims=True) * self.axis
         return np.asarray(across * (self.spin - along) + about * along)
+
+
+def volumes(radius: np.ndarray, half_length: np.ndarray) -> np.ndarray:
+    """Volumes (n,), m^3, of cylinders of these radii and half lengths (n,), 0 of a sphere, in m."""
+    reach = np.where(half_length == 0.0, 2.0 / 3.0 * radius, half_length)
+    return np.asarray(2.0 * np.pi * radius**2 * reach)
 
 
 def same_volume(aspect: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
