@@ -12,25 +12,31 @@ import numpy as np
 from numba import prange
 
 from liftdrag.dem.compiled import compiled
+from liftdrag.dem.cylinders.candidates import Pairs, candidates, largest_bound
 from liftdrag.dem.cylinders.forces import DEEPEST, ELASTIC, TALLIES, pair_forces
 from liftdrag.dem.cylinders.images import images, wrap
 from liftdrag.dem.cylinders.motion import KINETIC, add_kinetic, drift, settle
-from liftdrag.dem.cylinders.neighbours import Pairs, largest_bound, neighbours
+from liftdrag.dem.cylinders.neighbours import neighbours
 
 BLOCKS = 4
 """Ranges of grains: as many threads have work."""
+
+WIDE = 4.0
+"""Skin of the candidates over that of the near pairs, which are chosen anew from them meanwhile."""
 
 FINE, TOO_DEEP, NOT_FINITE = 0, 1, 2
 
 
 @compiled()
-def blocks_of(first):
-    """Edges of the ranges of grains (BLOCKS + 1,) with equal numbers of pairs."""
-    n, i, edges = len(first) - 1, 0, np.empty(BLOCKS + 1, np.int64)
+def blocks_of(first, last):
+    """Edges of the ranges of grains (BLOCKS + 1,) with equal numbers of near pairs."""
+    n, p, before, edges = len(last), 0, 0, np.empty(BLOCKS + 1, np.int64)
+    whole = (last - first[:n]).sum()
     for b in range(BLOCKS):
-        while i < n and BLOCKS * first[i] < b * first[n]:
-            i += 1
-        edges[b] = i
+        while p < n and BLOCKS * before < b * whole:
+            before += last[p] - first[p]
+            p += 1
+        edges[b] = p
     edges[BLOCKS] = n
     return edges
 
@@ -78,11 +84,13 @@ def _advance(place, move, ease, size, rate, shift, law, time_step, steps, skin, 
     force, fresh, tallies = np.zeros((n, 6)), np.zeros((BLOCKS, n, 6)), np.zeros((BLOCKS, TALLIES))
     sums, far, share = np.zeros((BLOCKS, KINETIC)), np.zeros(BLOCKS), np.zeros(BLOCKS + 1, np.int64)
     mean, total, kinetic = np.zeros(TALLIES), np.zeros(TALLIES), np.zeros((2, KINETIC))
-    reach = 2.0 * largest_bound(place) + skin
+    wide = min(WIDE * skin, size.min() - 2.0 * largest_bound(place))
+    reach = 2.0 * largest_bound(place) + wide
     shift = wrap(place, move, size, rate, shift)
-    pairs = neighbours(place, ease, size, rate, shift, skin, law)
-    edges, origin = blocks_of(pairs.first), place.copy()
-    since, lists, status, done, kick = 0, 1, FINE, 0, 0.0
+    pairs = candidates(place, ease, size, rate, shift, wide, law)
+    edges, origin = np.zeros(BLOCKS + 1, np.int64), place.copy()
+    since, lists, spare, status, done, kick = 0, 0, wide, FINE, 0, 0.0
+    moved = skin
     for b in range(BLOCKS):
         share[b + 1] = (b + 1) * n // BLOCKS
     for step in range(steps + 1):
@@ -105,14 +113,21 @@ def _advance(place, move, ease, size, rate, shift, law, time_step, steps, skin, 
             for b in range(BLOCKS):
                 farthest = far[b] if not far[b] <= farthest else farthest
             shift += rate * size[1] * time_step
-            if not 2.0 * farthest + abs(slide) * reach <= skin:
-                if not isfinite(farthest):
-                    status = NOT_FINITE
-                    break
+            moved = 2.0 * farthest + abs(slide) * reach
+            if not isfinite(moved):
+                status = NOT_FINITE
+                break
+        if moved >= skin:
+            if step > 0:
+                spare -= moved
+            if spare < skin:
                 shift = wrap(place, move, size, rate, shift)
-                pairs = neighbours(place, ease, size, rate, shift, skin, law)
-                edges, since, lists = blocks_of(pairs.first), 0, lists + 1
-                origin[:] = place
+                pairs, spare = candidates(place, ease, size, rate, shift, wide, law), wide
+            listed, away = Pairs(*pairs), images(size, rate, shift)
+            for b in prange(BLOCKS):
+                neighbours(place, listed, away, skin, share[b], share[b + 1])
+            edges, since, lists, moved = blocks_of(pairs.first, pairs.last), 0, lists + 1, 0.0
+            origin[:] = place
         listed, away = Pairs(*pairs), images(size, rate, shift)
         for b in prange(BLOCKS):
             pair_forces(

@@ -107,13 +107,15 @@ def least_extent(place, i, j):
 
 @compiled()
 def pair_forces(place, move, pairs, away, law, low, high, force, tally):
-    """Add forces and torques of the pairs under the grains low to high, and what is summed.
+    """Add forces and torques of the near pairs under the grains low to high, and what is summed.
 
     Each pair has a direction that separated it last, tried first, or the normal that it had.
     """
-    first, other, image, spring, dashpot, normal, kind = pairs
-    for i in range(low, high):
-        for k in range(first[i], first[i + 1]):
+    grain, first, last, near, other, image, spring, dashpot, normal, kind = pairs
+    for p in range(low, high):
+        i = grain[p]
+        for q in range(first[p], last[p]):
+            k = near[q]
             j, m = other[k], image[k]
             dx = place[j, 0] + away[m, 0] - place[i, 0]
             dy = place[j, 1] + away[m, 1] - place[i, 1]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from liftdrag.dem.compiled import compiled
+from liftdrag.dem.cylinders.candidates import candidates
 from liftdrag.dem.cylinders.flow import arrays
 from liftdrag.dem.cylinders.forces import contact_of
 from liftdrag.dem.cylinders.images import images, wrap
-from liftdrag.dem.cylinders.neighbours import neighbours
 from liftdrag.dem.cylinders.state import Cell, Cylinders
 from liftdrag.dem.law import hertz_mindlin
 
@@ -40,14 +40,12 @@ def touching(grains: Cylinders, cell: Cell) -> Contacts:
     place, move, ease = arrays(grains)
     size = np.ascontiguousarray(cell.size, float)
     shift = wrap(place, move, size, 0.0, cell.shift)
-    pairs = neighbours(place, ease, size, 0.0, shift, 0.0, ANY_LAW)
-    one, other = (
-        np.repeat(np.arange(len(place)), np.diff(pairs.first)),
-        pairs.other[: pairs.first[-1]],
-    )
+    pairs = candidates(place, ease, size, 0.0, shift, 0.0, ANY_LAW)
+    one, other = np.repeat(pairs.grain, np.diff(pairs.first)), pairs.other[: pairs.first[-1]]
     away = images(size, 0.0, shift)[pairs.image[: len(other)], :3]
     way = place[other, :3] + away - place[one, :3]
-    return between(place, np.column_stack([one, other]), way)
+    pair = np.column_stack([np.minimum(one, other), np.maximum(one, other)])
+    return between(place, pair, np.where((one < other)[:, None], way, -way))
 
 
 def between(place: np.ndarray, pair: np.ndarray, way: np.ndarray) -> Contacts:
