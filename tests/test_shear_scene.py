@@ -239,6 +239,17 @@ def test_small_cell_is_warned_of():
     assert not any("own images" in warning for warning in large.warnings)
 
 
+def test_few_grains_are_warned_of_where_cylinders_are_dense():
+    def warned(**changes) -> bool:
+        return any("Few grains" in warning for warning in numerics_of(**changes).warnings)
+
+    few, many = {"count": 1999, "solid_fraction": 0.4}, {"count": 2000, "solid_fraction": 0.4}
+    assert warned(cell=few)
+    assert not warned(cell=many)
+    assert not warned(cell=few | {"solid_fraction": 0.39})
+    assert not warned(cell=few, species=[{"shape": "sphere", "share": 1.0}])
+
+
 def test_step_is_far_below_what_breaks_a_crowd_of_grains():
     bounds = bounds_of(scene_of())
     assert bounds.own < bounds.earliest < bounds.expected

@@ -48,7 +48,11 @@ MEAN_ALIGNMENT = 0.5
 DEEP = 0.02
 """Overlap to expect, over the least side of a grain, from which on contacts are called soft."""
 
-SPEED_HINT = 1.5e6
+DENSE, MANY = 0.4, 2000
+"""Solid fraction from which on cylinders order, and the grains of a cell below which that moves
+the stress: at 0.5 by up to 60 % in one of 500."""
+
+SPEED_HINT = 2e6
 """Grain-steps per second of one core, for the estimate of the cost."""
 
 
@@ -247,4 +251,10 @@ def _warnings(scene: ShearScene, step: float, overlap: float) -> Iterator[str]:
         yield (
             f"A small cell: its shortest side, {min(scene.sides):.3g} m, is under two of the "
             f"longest grains ({scene.longest:.3g} m), which may feel their own images."
+        )
+    dense = scene.solid_fraction > 0.999 * DENSE and not scene.is_of_spheres
+    if dense and scene.grain_count < MANY:
+        yield (
+            f"Few grains: {scene.grain_count} lie in one order across the whole cell, and its "
+            f"stress may be off by half; for numbers take {MANY} or more (cell.count)."
         )
