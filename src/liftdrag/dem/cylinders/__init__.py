@@ -1,8 +1,8 @@
 """Flat-ended cylinders in space, and spheres, without friction, in a box that may be sheared.
 
 `meeting` finds where two cylinders touch, `edges` where edges do, `rounded` where a sphere does;
-`forces` loops over the pairs, `neighbours` lists them, `images` knows the box, `motion` moves, and
-`advance` is the loop over the steps. What a user holds are `Cylinders` in a `Cell`, `grown` there,
+`candidates` are the pairs that may meet, `neighbours` those of them that are near, over which
+`forces` loops; `images` knows the box, `motion` moves, and `advance` is the loop over the steps. What a user holds are `Cylinders` in a `Cell`, `grown` there,
 `shear` and its samples, and the contacts that `touching` finds.
 """
 

@@ -12,11 +12,11 @@ import numpy as np
 from numba import prange
 
 from liftdrag.dem.compiled import compiled
-from liftdrag.dem.cylinders.candidates import Pairs, candidates, largest_bound
+from liftdrag.dem.cylinders.candidates import Candidates, candidates, largest_bound
 from liftdrag.dem.cylinders.forces import DEEPEST, ELASTIC, TALLIES, pair_forces
 from liftdrag.dem.cylinders.images import images, wrap
 from liftdrag.dem.cylinders.motion import KINETIC, add_kinetic, drift, settle
-from liftdrag.dem.cylinders.neighbours import neighbours
+from liftdrag.dem.cylinders.neighbours import Pairs, neighbours, no_pairs
 
 BLOCKS = 4
 """Ranges of grains: as many threads have work."""
@@ -31,7 +31,7 @@ FINE, TOO_DEEP, NOT_FINITE = 0, 1, 2
 def blocks_of(first, last):
     """Edges of the ranges of grains (BLOCKS + 1,) with equal numbers of near pairs."""
     n, p, before, edges = len(last), 0, 0, np.empty(BLOCKS + 1, np.int64)
-    whole = (last - first[:n]).sum()
+    whole = (last - first).sum()
     for b in range(BLOCKS):
         while p < n and BLOCKS * before < b * whole:
             before += last[p] - first[p]
@@ -87,8 +87,8 @@ def _advance(place, move, ease, size, rate, shift, law, time_step, steps, skin, 
     wide = min(WIDE * skin, size.min() - 2.0 * largest_bound(place))
     reach = 2.0 * largest_bound(place) + wide
     shift = wrap(place, move, size, rate, shift)
-    pairs = candidates(place, ease, size, rate, shift, wide, law)
-    edges, origin = np.zeros(BLOCKS + 1, np.int64), place.copy()
+    possible = candidates(place, size, rate, shift, wide)
+    pairs, edges, origin = no_pairs(possible), np.zeros(BLOCKS + 1, np.int64), place.copy()
     since, lists, spare, status, done, kick = 0, 0, wide, FINE, 0, 0.0
     moved = skin
     for b in range(BLOCKS):
@@ -122,10 +122,11 @@ def _advance(place, move, ease, size, rate, shift, law, time_step, steps, skin, 
                 spare -= moved
             if spare < skin:
                 shift = wrap(place, move, size, rate, shift)
-                pairs, spare = candidates(place, ease, size, rate, shift, wide, law), wide
-            listed, away = Pairs(*pairs), images(size, rate, shift)
+                possible, spare = candidates(place, size, rate, shift, wide), wide
+                pairs = no_pairs(possible)
+            some, listed, away = Candidates(*possible), Pairs(*pairs), images(size, rate, shift)
             for b in prange(BLOCKS):
-                neighbours(place, listed, away, skin, share[b], share[b + 1])
+                neighbours(place, ease, law, some, listed, away, skin, share[b], share[b + 1])
             edges, since, lists, moved = blocks_of(pairs.first, pairs.last), 0, lists + 1, 0.0
             origin[:] = place
         listed, away = Pairs(*pairs), images(size, rate, shift)

@@ -10,26 +10,20 @@ import numpy as np
 from liftdrag.dem.compiled import compiled
 from liftdrag.dem.cylinders.images import images
 from liftdrag.dem.cylinders.kinds import APART
-from liftdrag.dem.law import pair_numbers
 
 
-class Pairs(NamedTuple):
+class Candidates(NamedTuple):
     """Pairs (m,), each once for each image, in the order of a grid so that near ones are together.
 
-    Those from `first[p]` on are of `grain[p]` and the `image` of an `other`. `spring` and
-    `dashpot` are of the law; `normal` (m, 3) is a direction that may separate the pair, zero when
-    none was tried, and `kind` the type of its contact. `near[first[p]:last[p]]` are those that
-    `neighbours` has found to be near.
+    Those from `first[p]` to `first[p + 1]` are of `grain[p]` and the `image` of an `other`;
+    `normal` (m, 3) is a direction that may separate the pair, zero when none was tried, and
+    `kind` the type of its contact.
     """
 
     grain: np.ndarray
     first: np.ndarray
-    last: np.ndarray
-    near: np.ndarray
     other: np.ndarray
     image: np.ndarray
-    spring: np.ndarray
-    dashpot: np.ndarray
     normal: np.ndarray
     kind: np.ndarray
 
@@ -128,8 +122,8 @@ def more(room, values):
 
 
 @compiled()
-def candidates(place, ease, size, shear_rate, shift, skin, law):
-    """The pairs whose bounding spheres are nearer than the skin (m) or overlap, none of them near.
+def candidates(place, size, shear_rate, shift, skin):
+    """The pairs whose bounding spheres are nearer than the skin (m) or overlap.
 
     All grains are in the box, whose sides are longer than any grain with the skin.
     """
@@ -150,22 +144,6 @@ def candidates(place, ease, size, shear_rate, shift, skin, law):
                 other[count + q], image[count + q] = order[found[q]], m
             count += some
         first[p + 1] = count
-    return with_law(place, ease, law, order, first, other, image)
-
-
-@compiled()
-def with_law(place, ease, law, grain, first, other, image):
-    """The pairs with what the law says of each."""
-    count = first[-1]
-    spring, dashpot = np.empty(count), np.empty(count)
-    for p in range(len(grain)):
-        i = grain[p]
-        for k in range(first[p], first[p + 1]):
-            j = other[k]
-            spring[k], dashpot[k] = pair_numbers(
-                law, place[i, 6], place[j, 6], 1.0 / ease[i, 0], 1.0 / ease[j, 0]
-            )
-    kind, near, last = np.empty(count, np.int8), np.empty(count, np.int32), first[:-1].copy()
+    normal, kind = np.zeros((count, 3)), np.empty(count, np.int8)
     kind[:] = APART
-    normal = np.zeros((count, 3))
-    return Pairs(grain, first, last, near, other, image, spring, dashpot, normal, kind)
+    return Candidates(order, first, other, image, normal, kind)

@@ -111,11 +111,10 @@ def pair_forces(place, move, pairs, away, law, low, high, force, tally):
 
     Each pair has a direction that separated it last, tried first, or the normal that it had.
     """
-    grain, first, last, near, other, image, spring, dashpot, normal, kind = pairs
+    grain, first, last, _, other, image, spring, dashpot, normal, kind = pairs
     for p in range(low, high):
         i = grain[p]
-        for q in range(first[p], last[p]):
-            k = near[q]
+        for k in range(first[p], last[p]):
             j, m = other[k], image[k]
             dx = place[j, 0] + away[m, 0] - place[i, 0]
             dy = place[j, 1] + away[m, 1] - place[i, 1]

@@ -12,10 +12,6 @@ from liftdrag.dem.cylinders.flow import arrays
 from liftdrag.dem.cylinders.forces import contact_of
 from liftdrag.dem.cylinders.images import images, wrap
 from liftdrag.dem.cylinders.state import Cell, Cylinders
-from liftdrag.dem.law import hertz_mindlin
-
-ANY_LAW = hertz_mindlin(1.0, 0.0, 1.0, 0.0)
-"""The lists hold what a law says, which where they touch does not depend on."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +33,10 @@ class Contacts:
 
 def touching(grains: Cylinders, cell: Cell) -> Contacts:
     """The contacts between the grains in a cell."""
-    place, move, ease = arrays(grains)
+    place, move, _ = arrays(grains)
     size = np.ascontiguousarray(cell.size, float)
     shift = wrap(place, move, size, 0.0, cell.shift)
-    pairs = candidates(place, ease, size, 0.0, shift, 0.0, ANY_LAW)
+    pairs = candidates(place, size, 0.0, shift, 0.0)
     one, other = np.repeat(pairs.grain, np.diff(pairs.first)), pairs.other[: pairs.first[-1]]
     away = images(size, 0.0, shift)[pairs.image[: len(other)], :3]
     way = place[other, :3] + away - place[one, :3]
