@@ -2,8 +2,9 @@
 
 `meeting` finds where two cylinders touch, `edges` where edges do, `rounded` where a sphere does;
 `candidates` are the pairs that may meet, `neighbours` those of them that are near, over which
-`forces` loops; `images` knows the box, `motion` moves, and `advance` is the loop over the steps. What a user holds are `Cylinders` in a `Cell`, `grown` there,
-`shear` and its samples, and the contacts that `touching` finds.
+`forces` loops; `images` knows the box, `motion` moves, and `advance` is the loop over the steps.
+What a user holds are `Cylinders` in a `Cell`, `grown` there, `shear` and its samples, and the
+contacts that `touching` finds.
 """
 
 from liftdrag.dem.cylinders.advance import FINE, NOT_FINITE, TOO_DEEP
