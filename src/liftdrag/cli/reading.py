@@ -13,7 +13,9 @@ from liftdrag.cli.printing import show, show_forces
 
 def analyze(
     context: typer.Context,
-    path: Annotated[Path, typer.Argument(help="The folder of a run, or your own force file.")],
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="The folder of a run, or your own force file.")
+    ],
     drag: Annotated[str, typer.Option(help="Column of the drag, by name or number.")] = "drag",
     lift: Annotated[str, typer.Option(help="Column of the lift, by name or number.")] = "lift",
     sign: Annotated[
@@ -49,7 +51,7 @@ def analyze(
 def report(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR...", help="Folders of runs, replicas or studies."),
+        typer.Argument(metavar="DIR", help="Folders of runs, replicas or studies."),
     ],
     out: Annotated[
         Path | None,
