@@ -15,24 +15,30 @@ if TYPE_CHECKING:
     from liftdrag.bench import Benched
     from liftdrag.stress import Stressed
 
+Budget = Annotated[
+    str, typer.Option(help="Time on the clock: 90s, 30m or 2h. The same command goes on.")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Folder of the answers; by default runs/bench/CASE or runs/stress/CASE."),
+]
+Jobs = Annotated[
+    int | None, typer.Option(help="Runs at a time, each on one core; by default one a core.")
+]
+Axes = Annotated[
+    str | None,
+    typer.Option(metavar="A,B", help="Only these choices: time_step,stiffness. Default: all."),
+]
+
 
 def bench(
     case: CaseName,
     engine: CaseEngine = None,
     engine_path: EnginePath = None,
-    budget: Annotated[
-        str, typer.Option(help="Time on the clock: 90s, 30m or 2h. The same command goes on.")
-    ] = "30m",
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the bench; by default runs/bench/CASE.")
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(help="Runs at a time, each on one core; by default one a core.")
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", help="Only these choices: time_step,stiffness. Default: all."),
-    ] = None,
+    budget: Budget = "30m",
+    out: Out = None,
+    jobs: Jobs = None,
+    axes: Axes = None,
     settings: Settings = None,
     as_json: PlainJson = False,
 ) -> None:
@@ -57,19 +63,10 @@ def stress(
     case: CaseName,
     engine: CaseEngine = None,
     engine_path: EnginePath = None,
-    budget: Annotated[
-        str, typer.Option(help="Time on the clock: 90s, 10m or 2h. The same command goes on.")
-    ] = "10m",
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the map; by default runs/stress/CASE.")
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(help="Runs at a time, each on one core; by default one a core.")
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", help="Only these choices: time_step,seeds. Default: all."),
-    ] = None,
+    budget: Budget = "10m",
+    out: Out = None,
+    jobs: Jobs = None,
+    axes: Axes = None,
     settings: Settings = None,
     as_json: PlainJson = False,
 ) -> None:
