@@ -49,13 +49,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told(rows: int, end: Callable[[], None]) -> Progress:
-    """A progress that ends a run once so many rows are kept."""
+    """A progress that ends a run at so many rows."""
     seen = 0
 
     def look(stage: str, _done: int, _total: int) -> None:
         nonlocal seen
         seen += stage == "drive"
-        if seen > rows:
+        if seen == rows:
             end()
 
     return look
@@ -117,11 +117,23 @@ def test_a_shear_flow_goes_on_to_the_same_bits(rows: tuple[int, ...], whole: Pat
     assert resume(None, folder).record == result.record
 
 
+def test_a_flow_that_is_interrupted_loses_no_row(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Although a state is due once a minute only."""
+    monkeypatch.setattr(checkpoint, "EVERY_S", 60.0)
+    folder = interrupted(tmp_path / "run", 50)
+    result = resume(None, folder)
+    assert [one["step"] for one in result.record["provenance"]["resumed"]] == [7 * 50]
+    assert same(whole, folder)
+
+
 @pytest.mark.parametrize("end", STOPS)
 def test_a_flow_that_may_end_early_ends_at_the_same_strain(end: str, tmp_path: Path):
     known = run(STOPS[end], tmp_path / "whole")
     assert known.record["stopped_by"] == end
     folder = interrupted(tmp_path / "run", len(known.series) - 1, STOPS[end])
+    interrupted(folder, 1, STOPS[end])
     resume(None, folder)
     assert same(known.folder, folder)
     assert answers_of(folder) == answers_of(known.folder)
@@ -190,7 +202,7 @@ resume(CASE, sys.argv[2], progress=told(int(sys.argv[3]), end))
 def test_a_flow_that_is_killed_goes_on_to_the_same_bits(whole: Path, tmp_path: Path):
     """With kill -9, which no handler sees."""
     folder = tmp_path / "run"
-    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(folder), "120"]
+    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(folder), "121"]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
     result = resume(None, folder)
     assert [one["step"] for one in result.record["provenance"]["resumed"]] == [7 * 120]

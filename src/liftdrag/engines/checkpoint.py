@@ -10,7 +10,7 @@ import contextlib
 import hashlib
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +67,16 @@ class Keeper:
         self._turn = 1 - self._turn
         now = time.monotonic()
         self._next = now + max(EVERY_S, (now - begin) / SHARE)
+
+    @contextlib.contextmanager
+    def guarding(self, state: Callable[[], Mapping[str, np.ndarray]]) -> Iterator[None]:
+        """Keep this state, where the disk allows it, when what is done meanwhile ends the run."""
+        try:
+            yield
+        except BaseException:
+            with contextlib.suppress(OSError):
+                self.keep(state())
+            raise
 
     def clear(self) -> None:
         """Remove what was kept: the run has ended well."""

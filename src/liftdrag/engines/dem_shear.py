@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -101,9 +103,11 @@ def run(deck: ShearDeck, folder: Path, progress: Progress, enough: Enough | None
     begin, status = flow.done, dem.FINE
     for last in flow.samples():
         flow.add(last)
-        progress("drive", flow.done, deck.steps)
         status = last.status
-        if status != dem.FINE or flow.done == deck.steps or flow.is_enough(enough):
+        over = status != dem.FINE or flow.done == deck.steps or flow.is_enough(enough)
+        with nullcontext() if over else keeper.guarding(partial(flow.state, last)):
+            progress("drive", flow.done, deck.steps)
+        if over:
             break
         if keeper.is_due():
             keeper.keep(flow.state(last))
