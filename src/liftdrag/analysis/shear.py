@@ -176,7 +176,8 @@ def _warnings(found: dict[str, Quantity], window: SteadyWindow) -> Iterator[str]
     if slow:
         yield (
             f"The grains turn slowly: few correlation times, under {MINIMUM_CORRELATION_TIMES}, of "
-            f"{' and '.join(slow)}, of which the error is a guess."
+            f"{' and '.join(slow)}, of which the error is a guess; the stresses follow, and their "
+            "errors may be half of what seeds scatter by: take --replicas, or a longer strain."
         )
     order = found["order_parameter"].mean if "pressure_over_liu" in found else liu.ALIGNED
     if order < liu.ALIGNED:
